@@ -17,10 +17,10 @@ from ambkit.estimate.errors import true_signal
 from ambkit.estimate.kalman import ExtendedKalmanFilter, KalmanFilter
 from ambkit.estimate.machine_model import several
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.estimate.registry import kind_called, learned_magnet
+from ambkit.estimate.registry import get_kind, learned_magnet
 from ambkit.judge.comparison.criteria import normalised_errors, rows_along
 from ambkit.machine.accessories import Runout
-from ambkit.machine.axes import bank_of, isolated_axes, weights_of
+from ambkit.machine.axes import force_laws, isolated_axes, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of
 from ambkit.models.parts.synchronous import unbalance_planes
@@ -174,7 +174,7 @@ def judge_states(
     plain = _known(bearing, synchronous)
     noise = FilterNoise(disturbance=_growth(plain, duration, load))
     filters = {
-        kind: kind_called(kind).make(
+        kind: get_kind(kind).make(
             plain, learned_magnet(kind, plain), noise=noise, synchronous=synchronous
         )
         for kind in names_in(kinds=kinds)
@@ -346,7 +346,7 @@ def settled_bound(estimator: Estimator, record: Record, W: Array, start: int) ->
         k_i, k_s = magnet_of(isolated).tangent(iu, s)
         tangents.append(ConstantStiffness(float(k_i), float(k_s)))
     linear = KalmanFilter(
-        view.machine, bank_of(tangents, view.machine), noise=FilterNoise(*estimator.variances),
+        view.machine, force_laws(tangents, view.machine), noise=FilterNoise(*estimator.variances),
         synchronous=estimator.engine.synchronous, frozen_limit=0, outlier_limit=0,
     )  # fmt: skip
     linear.start_std = estimator.start_std

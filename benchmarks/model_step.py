@@ -27,7 +27,7 @@ from ambkit.export.c import c_literals
 from ambkit.export.c.model import loop_model
 from ambkit.models import Model, compose, emit, machine_model
 from ambkit.models.declaration import Part
-from ambkit.models.parts import Amplifier, Delay, Disturbance, MagnetPlace, Rotor, Sensor
+from ambkit.models.parts import Amplifier, Delay, Disturbance, MagnetForce, Rotor, Sensor
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def axes(count: int, modes: int = 0, *, late: bool = False) -> list[Part]:
     for a in range(count):
         place = {q[a]: 1.0} | {mode: 0.3 / (1 + k) for k, mode in enumerate(q[count:])}
         parts += [
-            MagnetPlace(10.0, f"f{a}", place),
+            MagnetForce(10.0, f"f{a}", place),
             Disturbance(10.0, 0.01, f"d{a}", f"f{a}"),
             Sensor(1.0, 2e-4, 1e-3, f"y{a}", f"xm{a}", place),
             Amplifier(1.0, 2000.0 if late else None, f"u{a}", f"i{a}", f"f{a}"),

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ambkit import Machine, Scenario, simulate
-from ambkit.estimate.registry import kind_called
+from ambkit.estimate.registry import get_kind
 from ambkit.export.c import export_c
 from firmware import harness
 
@@ -39,7 +39,7 @@ def measure(kind: str, loops: bool, folder: Path) -> tuple[int, int, int, int]:
         The self-test says that bits differ.
     """
     machine = Machine.preset("hindawi_2011")
-    filter = kind_called(kind).make(machine, precision="float32")
+    filter = get_kind(kind).make(machine, precision="float32")
     export = export_c(machine, filter, folder / "export", prefix="filter", loops=loops).folder
     firmware = harness.build(export, folder / "build", main=harness.HERE / "axes.c")
     record = simulate(machine, Scenario(duration=SAMPLES * machine.sampling_time)).record

@@ -10,7 +10,7 @@ from ambkit.models.declaration import Part
 from ambkit.models.machine_parts import PAPER_CONSTANTS
 from ambkit.models.parts.amplifier import Amplifier
 from ambkit.models.parts.disturbance import Disturbance
-from ambkit.models.parts.magnet import MagnetPlace
+from ambkit.models.parts.magnet import MagnetForce
 from ambkit.models.parts.rotor import Rotor
 from ambkit.models.parts.sensor import Sensor
 from models.axial import axial
@@ -37,7 +37,7 @@ def formatted(text: str, name: str) -> str:
 def axial_headers() -> dict[str, str]:
     """Return the headers of the paper's axis: its steps by the pattern, its constants by SymPy."""
     plainest: list[Part] = [
-        Rotor(1.0, 1.0, 1.0), MagnetPlace(1.0), Disturbance(1.0, 1.0), Sensor(1.0, 1.0, 1.0),
+        Rotor(1.0, 1.0, 1.0), MagnetForce(1.0), Disturbance(1.0, 1.0), Sensor(1.0, 1.0, 1.0),
         Amplifier(1.0, None),
     ]  # fmt: skip
     names = emit.Names(compose(plainest, 1.0, name=axial.name), PAPER_CONSTANTS)

@@ -58,7 +58,7 @@ transition = [
     b_sen * x + a_sen * x_m + c_sen * v + d_sen * f_all,  # eq. 19, with v and f_all exact
 ]
 displacement = x + T_2 * v  # at which the magnet pulls: the mean over the sample
-whole_force = f + f_d  # eq. 15, 16
+total_force = f + f_d  # eq. 15, 16
 linear_force = k_i * k_ui * u + k_s * displacement  # eq. 17
 measurement = x_m  # eq. 21
 
@@ -77,7 +77,7 @@ axial = Model(
     transition=transition,
     driving=f_all,
     displacement=displacement,
-    whole_force=whole_force,
+    total_force=total_force,
     linear_force=linear_force,
     measurement=measurement,
     control_variance=var_u,

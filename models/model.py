@@ -29,7 +29,7 @@ class Model:
     transition: list[Expr]
     driving: Expr
     displacement: Expr
-    whole_force: Expr
+    total_force: Expr
     linear_force: Expr
     measurement: Expr
     control_variance: Expr
@@ -47,7 +47,7 @@ class Model:
     @property
     def forced(self) -> sp.Matrix:
         """The transition as it depends on state and force."""
-        return sp.Matrix(self.transition).subs(self.driving, self.whole_force)
+        return sp.Matrix(self.transition).subs(self.driving, self.total_force)
 
     @property
     def held(self) -> tuple[sp.Matrix, sp.Matrix]:

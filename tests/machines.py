@@ -14,7 +14,7 @@ from ambkit.estimate.core_model import arrays
 from ambkit.machine.magnets import ConstantStiffness, core_module
 from ambkit.models import Model, compose
 from ambkit.models.declaration import Part
-from ambkit.models.parts import Amplifier, Disturbance, MagnetPlace, Rotor, Sensor
+from ambkit.models.parts import Amplifier, Disturbance, MagnetForce, Rotor, Sensor
 
 CORE = core_module(any_model=True)
 T = BEARING.sampling_time
@@ -74,7 +74,7 @@ def axes(names: tuple[str, ...], *, coupling: float = 0.0) -> Model:
     parts: list[Part] = [
         Rotor(mass, TRAVEL, velocity, tuple(f"x{a}" for a in names), tuple(f"v{a}" for a in names))
     ]
-    parts += [MagnetPlace(force, f"f{a}", f"x{a}") for a in names]
+    parts += [MagnetForce(force, f"f{a}", f"x{a}") for a in names]
     parts += [Disturbance(force, 1e-3 * force, f"f_d{a}", f"f{a}") for a in names]
     parts += [
         Sensor(sensor.gain, BEARING.lag_of(sensor), TRAVEL, f"y{a}", f"x_m{a}", f"x{a}")

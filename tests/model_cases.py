@@ -18,7 +18,7 @@ from ambkit.models.parts import (
     Delay,
     Disturbance,
     Hum,
-    MagnetPlace,
+    MagnetForce,
     Rotor,
     Sensor,
 )
@@ -43,7 +43,7 @@ class Axis:
         """Its parts, as a user writes them."""
         parts: list[Part] = [
             Rotor(self.m, 1e-3, 0.1),
-            MagnetPlace(10.0),
+            MagnetForce(10.0),
             Disturbance(10.0, 0.01),
             Sensor(self.K_sen, self.lag, 1e-3),
             Amplifier(1.0, self.bandwidth),
@@ -119,7 +119,7 @@ def machine(
     parts: list[Part] = [rotor]
     for k in range(2):
         parts += [
-            MagnetPlace(20.0, f"f_{k}", "xy"[k]),
+            MagnetForce(20.0, f"f_{k}", "xy"[k]),
             Amplifier(1.0, 1500.0 * (k + 1), f"u{k}", f"i{k}", f"f_{k}"),
             Delay(1e-4 * (0.4 + 0.8 * k), 1.0, f"u{k}"),
         ]

@@ -345,7 +345,7 @@ def function_of(bench: Bench, mutant: Mutant) -> str:
     return _function_at(bench.text(mutant.file), mutant.start)
 
 
-def why(bench: Bench, mutant: Mutant, known: tuple[unseen.Unseen, ...]) -> str | None:
+def why(bench: Bench, mutant: Mutant, known: tuple[unseen.UndetectedFault, ...]) -> str | None:
     """Return why a mutant makes no difference, where that is known."""
     for each in known:
         if (

@@ -108,7 +108,7 @@ def test_of_the_paper_s_axis_it_has_the_same_bits(name, precision, monkeypatch):
         assert seen & (Status.HELD if name == "steady-state" else Status.RESTARTED)
     ahead = [e.core.forecast(history["mean"], u, 20) for e in (loops, straight)]
     assert ahead[0].tobytes() == ahead[1].tobytes()
-    if straight.smooths:
+    if straight.can_smooth:
         for e in (loops, straight):
             e.reset()
         same_bits(loops.core.smooth(y, u), straight.core.smooth(y, u))

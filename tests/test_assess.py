@@ -30,7 +30,7 @@ from ambkit.simulation.run import simulate
 ZITTAU = Machine.preset("zittau_axial")
 LATE = ZITTAU.replace(delay=1.5e-4, amplifier__bandwidth=2000.0)
 SETTLING = [name for name in KINDS if name != "multiple-model"]
-OF_ONE_GAIN = [name for name in SETTLING if KINDS[name].finds_noise is None]
+OF_ONE_GAIN = [name for name in SETTLING if KINDS[name].adaptive_noise is None]
 
 
 def laboratory():

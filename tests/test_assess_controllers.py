@@ -11,7 +11,7 @@ from ambkit.assessment.amplitude_sweep import _Rig
 from ambkit.assessment.assess import MEASUREMENT
 from ambkit.base.errors import AmbkitError
 from ambkit.control.control import Control
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.judge.whirl_modes import stiffnesses
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
@@ -83,7 +83,7 @@ def test_unbalance_is_answered_as_the_simulation_does(control):
         swing = (i.max() - i.min()) / 2
         orbit = np.hypot(record[f"s_{name[0]}1"][late], record[f"s_{name[0]}2"][late]).max()
         d = axis.demands
-        hold = abs(LoopOf(machine).point.iu[[a.name for a in machine.axes].index(name)])
+        hold = abs(LoopBuilder(machine).point.iu[[a.name for a in machine.axes].index(name)])
         assert d.current - 3 * axis.current_noise - hold == pytest.approx(swing, rel=0.05, abs=1e-3)
         assert d.displacement - 3 * axis.position_noise == pytest.approx(orbit, rel=0.05, abs=2e-8)
 
@@ -132,7 +132,7 @@ def test_the_static_compliance_is_that_of_the_gains_that_fly():
     """A flexible rotor is held more firmly by an estimate, and gives way to a load less."""
     machine = Machine.preset("ufu_flexible")
     kalman = KalmanFilter(machine)
-    loop = LoopOf(machine)
+    loop = LoopBuilder(machine)
     softest = max(
         1 / (magnet.k_i * pid.kp - magnet.k_s)
         for magnet, pid in zip(stiffnesses(machine), loop.pids(kalman).values(), strict=True)

@@ -16,7 +16,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.control.linear.steady_state_filter import estimator_at
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.result.page import write_result
 from ambkit.rotordynamics.unbalance_response import unbalance_forces
 from ambkit.simulation.run import simulate_run
@@ -56,7 +56,7 @@ def test_axes_that_do_not_couple_are_bearings_alone():
 
 def test_an_axis_is_looked_at_where_its_controller_takes_its_position():
     """With two sensors for each bearing: as if the shown positions were the measurements."""
-    of = LoopOf(Machine.preset("tum_mlps"))
+    of = LoopBuilder(Machine.preset("tum_mlps"))
     loop = of.loop()
     assert loop.measurements == 8
     assert loop.axes == 4
@@ -173,7 +173,7 @@ def test_the_force_of_an_unbalance_between_bearings_is_shared_by_them():
 
 
 def test_a_load_moves_the_operating_point():
-    free, loaded = (LoopOf(UFU, load=load) for load in (None, {"A1": -20.0}))
+    free, loaded = (LoopBuilder(UFU, load=load) for load in (None, {"A1": -20.0}))
     moved = loaded.point.iu - free.point.iu
     k_i = 55.7335
     assert moved[0] == pytest.approx(20 / k_i, rel=0.01)
@@ -254,14 +254,14 @@ def test_voltage_and_copper_of_a_machine():
     )})  # fmt: skip
     found = ambkit.assess(wired, "linear").loops["linear"]
     for name, k in (("A1", 0), ("B2", 3)):
-        iu = LoopOf(wired).point.iu[k]
+        iu = LoopBuilder(wired).point.iu[k]
         at = found.axes[name]
         assert at.demands.capacity.voltage is not None
         least = 2.0 * 2 * (1.0 + iu**2)
         assert least < at.demands.copper_loss < 1.2 * least
     over = ambkit.assess_speed(wired, "linear", fastest="12000 rpm", count=4)
     assert over.voltage.shape == (4, 4)
-    assert over.voltage[0] == pytest.approx(2.0 * (1 + np.abs(LoopOf(wired).point.iu)) / 30.0)
+    assert over.voltage[0] == pytest.approx(2.0 * (1 + np.abs(LoopBuilder(wired).point.iu)) / 30.0)
     assert (over.voltage[-1] > over.voltage[0]).all()
     assert len(over.figures()[1].panels) == 3
 
@@ -341,7 +341,7 @@ def test_a_filter_over_speed_is_told_the_speed():
     still = UFU.model_copy(update={"speed": 0.0})
     point = OperatingPoint.of_machine(still)
     for name in ("linear", "linear-adaptive-noise"):
-        _, told = LoopOf(still).at_speed(3000.0, made(name, still))
+        _, told = LoopBuilder(still).at_speed(3000.0, made(name, still))
         expected = made(name, fast)
         a, b = (estimator_at(each, point) for each in (told, expected))
         np.testing.assert_allclose(a.A, b.A, rtol=1e-9, atol=1e-12)

@@ -20,7 +20,7 @@ from ambkit.control.blocks import (
     sections_of,
 )
 from ambkit.control.linear.linear_controller import controller
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.simulation.external_inputs import ExternalInputs
 
 T = 1e-4
@@ -129,11 +129,13 @@ def test_they_hold_the_rotor_from_the_start():
 
 def test_a_notch_is_in_the_margins():
     late, plain = (
-        LoopOf(BEARING, Control(feedback="measurement", block=each)).peak()
+        LoopBuilder(BEARING, Control(feedback="measurement", block=each)).peak()
         for each in ([Notch(frequency=300.0, damping=0.5)], [])
     )
     assert late > 1.1 * plain
-    early = LoopOf(BEARING, Control(feedback="measurement", block=[Notch(frequency=4900.0)])).peak()
+    early = LoopBuilder(
+        BEARING, Control(feedback="measurement", block=[Notch(frequency=4900.0)])
+    ).peak()
     assert early == pytest.approx(plain, rel=0.02)
 
 
@@ -161,7 +163,7 @@ def test_a_pid_of_its_own_sensor_is_assessed():
     """Hindawi's sensors are not beside its magnets: each PID closes its own reading alone."""
     one = ambkit.Machine.preset("hindawi_2011")
     own = {axis.name: {"sees": axis.name} for axis in one.axes}
-    of = LoopOf(one, Control(type="decentralised", feedback="measurement", pid=own))
+    of = LoopBuilder(one, Control(type="decentralised", feedback="measurement", pid=own))
     pids, f = of.pids(), np.linspace(2.0, 400.0, 50)
     alone = zip(pids.values(), of.isolated, one.readings, strict=True)
     K = [controller(pid, b, measured=True).response(f)[:, 0, 0] / r.sensor.gain

@@ -22,7 +22,7 @@ from ambkit.campaigns.sobol_indices import problem_of, vary_from
 from ambkit.campaigns.study import Study
 from ambkit.campaigns.study_tables import UNITS
 from ambkit.campaigns.worker import compute, peaks
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.simulation import planned
 
 ROOT = Path(__file__).parent.parent
@@ -308,7 +308,7 @@ def test_peaks_of_many_loops_are_those_of_each(preset, kind, feedback):
     ]  # fmt: skip
     scenario = ambkit.Scenario(controller=pid)
     found = peaks([planned.Planned(p, scenario, fed) for p in plants])
-    expected = [LoopOf(p, pid).peak(fed) for p in plants]
+    expected = [LoopBuilder(p, pid).peak(fed) for p in plants]
     np.testing.assert_allclose(found, expected, rtol=2e-6)
 
 

@@ -19,7 +19,7 @@ from ambkit.control.controllers import controllers_of
 from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.data.signals import signal
 from ambkit.estimate.registry import KINDS
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.models.plant import Plant
 from ambkit.simulation.many import simulate_many
 from ambkit.simulation.planned import Planned
@@ -168,7 +168,7 @@ type = "lqg"
     found = peaks(runs)
     machine = ambkit.preset(name)
     for control, peak in zip(("decentralised", "lqg"), found[1:3], strict=True):
-        loop = LoopOf(machine, Control(type=control, feedback="estimate"))
+        loop = LoopBuilder(machine, Control(type=control, feedback="estimate"))
         assert peak == pytest.approx(loop.peak(ambkit.ExtendedKalmanFilter(machine)), rel=1e-6)
     assert len({f"{peak:.3f}" for peak in found}) == 3
     assert found[2] == found[3]
@@ -192,7 +192,7 @@ def test_peaks_are_those_that_assess_finds(feedback, control):
     (drawn,) = plan.machines(plan.points(0, 1), plan.noise(0, 1), 0)
     machine = ambkit.Machine.preset("tum_mlps")
     fed = ambkit.ExtendedKalmanFilter(machine) if feedback == "estimate" else None
-    expected = LoopOf(machine, Control(type=control)).peak(fed)
+    expected = LoopBuilder(machine, Control(type=control)).peak(fed)
     assert peak_of(drawn.planned) == pytest.approx(expected, rel=1e-6)
 
 
@@ -204,7 +204,7 @@ def test_figures_of_a_nominal_run():
     ])  # fmt: skip
     kalman = ambkit.KalmanFilter(machine)
     run = simulate_run(machine, flight, estimator=kalman)
-    assert run.first_touch is None
+    assert run.first_contact is None
     many = simulate_many([Planned(machine, flight, kalman)], settling=0.002)
     figures = {name: float(values[0]) for name, values in many.figures.items()}
     assert list(figures) == list(FIGURES)

@@ -244,7 +244,7 @@ def test_the_block_is_flown_and_assessed(copy):
         copy,
         """
 import ambkit
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopOf
 bearing = ambkit.preset("zittau_axial")
 for block in ([], [{"type": "first-order", "frequency": "500 Hz"}]):
     law = ambkit.Control(feedback="measurement", block=block)

@@ -61,7 +61,7 @@ def test_a_magnet_that_is_not_as_described_is_told_beside_the_amplitude(corpus):
     assert abs(told.slope) < 3 * told.slope_error  # there is no hysteresis
     assert all(1e-3 < one.amplitude < 0.2 for one in told.flights.values())
     assert "divided by 0." in told.text
-    assert corpus.to_dict()["in_flight"]["factor"] == told.factor
+    assert corpus.to_dict()["levitated"]["factor"] == told.factor
 
 
 def test_logs_say_what_is_true_and_a_smoothed_one_is_named(corpus):

@@ -21,7 +21,7 @@ from ambkit.control.default_control import (
 )
 from ambkit.control.stabilising_controller import ENOUGH
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.judge.loop.margins import grid
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario, settled_scenario
@@ -52,12 +52,12 @@ def flywheel(rpm, ratio=1.43, T=50e-6, delay=60e-6, mass=12.0, radius=0.0645):
 
 def worst(machine, control, estimated, speeds=3):
     """The peak of |S| of a control from rest to the machine's speed, as it is assessed."""
-    of = LoopOf(machine, control)
+    of = LoopBuilder(machine, control)
     flown = of.flown_by(KalmanFilter(machine) if estimated else None)
     peaks = []
     for speed in np.linspace(0, machine.speed, speeds):
         there = machine.model_copy(update={"speed": float(speed)})
-        loop = LoopOf(there, control, point=of.point, law=flown)
+        loop = LoopBuilder(there, control, point=of.point, law=flown)
         peaks.append(loop.peak(KalmanFilter(there) if estimated else None))
     return max(peaks)
 
@@ -169,12 +169,12 @@ def test_a_filter_is_not_tuned_in_a_loop_that_is_unstable_with_each():
 def test_every_way_to_fly_takes_the_same_choice():
     for feedback, estimator in (("estimate", KalmanFilter(FAST)), ("measurement", None)):
         found = default_control(FAST, feedback).chosen.control
-        assert LoopOf(FAST).control_for(estimator) == found
+        assert LoopBuilder(FAST).control_for(estimator) == found
         flight = settled_scenario(FAST, Scenario(controller={"feedback": feedback}))
         assert flight.controller == found.fed_by(feedback)
     assert settled_scenario(FAST, Scenario()).feedback == "estimate"
     assert ambkit.assess(FAST, "none").loops["measurement"].peak < ENOUGH
-    assert LoopOf(FAST).flown_by(None).pids == LoopOf(FAST, found).flown_by(None).pids
+    assert LoopBuilder(FAST).flown_by(None).pids == LoopBuilder(FAST, found).flown_by(None).pids
 
 
 def random_rotor(rng):
@@ -223,7 +223,7 @@ def test_the_choice_is_the_lowest_peak_beyond_zone_a_and_the_simplest_near_it_wi
 def test_the_frequency_of_an_undamped_nutation_makes_no_peak():
     """There the plant's response has no bound, S is zero, and rounding was a peak of 4.2."""
     machine = flywheel(31250, 1.47, 25e-6, 38e-6, 8.9, 0.076)
-    loop = LoopOf(machine, settled_scenario(machine, Scenario()).controller).loop()
+    loop = LoopBuilder(machine, settled_scenario(machine, Scenario()).controller).loop()
     poles = loop.plant.poles()
     nutation = np.log(poles[np.abs(poles) > 0.5])
     nutation = nutation[nutation.imag > 0.01].imag / (2 * math.pi * loop.T)
@@ -243,7 +243,7 @@ def test_the_controllers_that_a_design_writes_down_are_those_that_were_chosen(rp
     )
     again = Scenario.from_toml(Scenario(controller=written).fed("estimate").to_toml())
     assert again.controller == written
-    assert LoopOf(machine, written).peak(KalmanFilter(machine)) <= 1.02 * found.peak
+    assert LoopBuilder(machine, written).peak(KalmanFilter(machine)) <= 1.02 * found.peak
 
 
 @pytest.mark.parametrize(("peak", "zone"), [(5.34, "D"), (4.2, "C"), (3.1, "B"), (2.9, None)])

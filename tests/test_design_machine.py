@@ -15,13 +15,13 @@ from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.control.control import Control
 from ambkit.control.pid import PID
 from ambkit.control.stabilising_controller import overshoot
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.machine.axes import slowest_time
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Reference, Scenario
 from ambkit.simulation.waveforms import Step
 from ambkit.workflow.design import FILES, design
-from ambkit.workflow.design_candidates import objections_to
+from ambkit.workflow.design_candidates import failed_criteria
 
 TUM = Machine.preset("tum_mlps")
 
@@ -115,8 +115,8 @@ def test_commands(arguments, code, said, designed, call, monkeypatch):
 
 
 def test_stated_gains_are_flown_and_the_rest_is_tuned():
-    usual = LoopOf(TUM).pids()
-    stated = LoopOf(TUM, Control(pid={"B1": PID(kd=14.0)})).pids()
+    usual = LoopBuilder(TUM).pids()
+    stated = LoopBuilder(TUM, Control(pid={"B1": PID(kd=14.0)})).pids()
     assert stated["A1"] == usual["A1"]
     assert stated["B1"].kd == 14.0
     assert stated["B1"].kp == usual["B1"].kp
@@ -129,7 +129,7 @@ def test_stated_gains_are_flown_and_the_rest_is_tuned():
     )
     assert hard.max() > 1.05 * softly.max()
     assert hash(Control(pid={"B1": PID(kd=14.0)})) == hash(Control(pid={"B1": PID(kd=14.0)}))
-    tilted = LoopOf(TUM, Control(type="translation and tilt", pid={"th_x": PID(kd=14.0)}))
+    tilted = LoopBuilder(TUM, Control(type="translation and tilt", pid={"th_x": PID(kd=14.0)}))
     assert tilted.pids()["th_x"].kd == 14.0
 
 
@@ -163,7 +163,7 @@ ALLOWED = {  # what decentralised PIDs come to where they cannot be below 2
 
 def on_margins(machine, feedback):
     filter = ambkit.KalmanFilter(machine) if feedback == "estimate" else None
-    of = LoopOf(machine)
+    of = LoopBuilder(machine)
     return of.peak(filter), filter, of
 
 
@@ -195,6 +195,6 @@ def test_that_of_a_bearing_too(name):
 def test_a_filter_that_errs_more_than_the_raw_sensors_is_not_exported_unasked(designed):
     chosen = designed.chosen
     assert chosen.wandering == chosen.errors["x"] < chosen.raw
-    assert objections_to(chosen) == []
-    (said,) = objections_to(dataclasses.replace(chosen, wandering=2 * chosen.raw))
+    assert failed_criteria(chosen) == []
+    (said,) = failed_criteria(dataclasses.replace(chosen, wandering=2 * chosen.raw))
     assert "that of the raw sensors" in said

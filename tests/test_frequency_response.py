@@ -7,7 +7,7 @@ from quick import quick
 
 import ambkit
 from ambkit.base.threads import one_thread
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.judge.loop.margins import grid
 from ambkit.models.linear import LinearSystem
 
@@ -16,7 +16,7 @@ MACHINES = ("heart_pump", "tum_mlps_flexible", "ufu_flexible")
 
 def closed_loop(machine):
     """Return S of a preset's closed loop, and frequencies [Hz] at which no feature is left out."""
-    loop = LoopOf(ambkit.Machine.preset(machine), None).loop(None)
+    loop = LoopBuilder(ambkit.Machine.preset(machine), None).loop(None)
     closed, m = loop.closed, loop.measurements
     names = [[signal.name for signal in of[:m]] for of in (closed.outputs, closed.inputs)]
     return closed.select(*names), grid(loop, points=60, near=5)
@@ -50,7 +50,7 @@ def test_it_takes_one_set_of_eigenvectors_and_no_factorisation(monkeypatch):
 def test_a_plant_with_a_dead_time_needs_no_factorisation_either(machine):
     late = ambkit.Machine.preset(machine)
     late = late.model_copy(update={"delay": 2.4 * late.sampling_time})
-    loop = LoopOf(late).loop()
+    loop = LoopBuilder(late).loop()
     system, f = loop.plant.part(slice(loop.measurements), slice(2)), grid(loop, 60, 5)
     assert system._modes is not None
     found, expected = system.response(f), np.array(by_factorisation(system, f))

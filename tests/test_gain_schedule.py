@@ -13,7 +13,7 @@ from test_export_control import run
 import ambkit
 from ambkit import PID, AmbkitError, Control, KalmanFilter, Scenario
 from ambkit.control.pid import GainSchedule, ScheduledGains
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.simulation.waveforms import Constant, Ramp, Step
 
 AT_REST = {
@@ -70,7 +70,7 @@ def test_at_a_speed_it_flies_and_is_assessed_as_the_gains_of_that_speed(
     flown = [ambkit.simulate(one, scenario.replace(controller=law)).record for law in laws]
     np.testing.assert_array_equal(flown[0]["iu_A1"], flown[1]["iu_A1"])
     kalman = KalmanFilter(one) if feedback == "estimate" else None
-    loops = [LoopOf(one, law).loop(kalman) for law in laws]
+    loops = [LoopBuilder(one, law).loop(kalman) for law in laws]
     f = np.geomspace(5, 2000, 40)
     np.testing.assert_allclose(loops[0].sensitivity(f), loops[1].sensitivity(f), rtol=1e-12)
 

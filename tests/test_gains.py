@@ -8,7 +8,7 @@ from ambkit import KalmanFilter, Machine, Scenario, Step
 from ambkit.control.control import Control
 from ambkit.control.pid import PID
 from ambkit.control.stabilising_controller import chosen, weight_of
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.plant import Plant
 from ambkit.simulation.run import simulate_run
@@ -29,7 +29,7 @@ AXES = axes()
 
 @pytest.mark.parametrize("name", AXES)
 def test_every_loop_has_its_peak_below_two(name):
-    of = LoopOf(AXES[name])
+    of = LoopBuilder(AXES[name])
     assert of.peak() < 2
     assert of.peak(KalmanFilter(AXES[name])) < 2
 
@@ -67,7 +67,7 @@ def lagging(rng):
 def test_any_bearing_that_allows_it_has_its_peak_below_two():
     """Where pole and delay hold no controller to more than 1.12, which is most of them."""
     rng = np.random.default_rng(3)
-    loops = [LoopOf(lagging(rng)) for _ in range(40)]
+    loops = [LoopBuilder(lagging(rng)) for _ in range(40)]
     allowing = [of for of in loops if of.least()[0] < 1.12]
     assert len(allowing) >= 30
     for of in allowing:
@@ -116,5 +116,5 @@ def test_a_rotor_that_hovers_off_the_centre_stays_there(weight):
 
 def test_the_weight_does_not_touch_the_margins():
     bearing = Machine.preset("zittau_axial")
-    peaks = {LoopOf(bearing, PID(setpoint_weight=weight)).peak() for weight in (0.0, 1.0)}
+    peaks = {LoopBuilder(bearing, PID(setpoint_weight=weight)).peak() for weight in (0.0, 1.0)}
     assert len(peaks) == 1

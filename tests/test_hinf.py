@@ -8,7 +8,7 @@ import pytest
 import ambkit
 from ambkit import Machine
 from ambkit.base.errors import AmbkitError
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.judge.loop.synthesis import AT_REST, PEAK, SLOW, STRONG, hinf
 
 ZITTAU = Machine.preset("zittau_axial")
@@ -18,7 +18,7 @@ LATE = ZITTAU.replace(delay=3.75e-4, amplifier__bandwidth=1000.0)
 def test_no_other_controller_weighs_less():
     """Its cost is flat over the frequency, as an optimal one's is, and in another's is higher."""
     pytest.importorskip("slycot")
-    of = LoopOf(LATE)
+    of = LoopBuilder(LATE)
     P = of.plant.select(["y"], ["u"])
     T, p = P.T, np.log(np.abs(P.unstable()).max()) / P.T
     f = np.geomspace(1e-3 * p, 0.499 / T, 400)
@@ -48,7 +48,7 @@ def test_no_other_controller_weighs_less():
 def test_the_same_bearing_in_other_units_has_the_same_loop():
     pytest.importorskip("slycot")
     volts = LATE.replace(amplifier__gain="0.01 A/V", sensor__gain=50.0)
-    one, other = (LoopOf(each).hinf() for each in (LATE, volts))
+    one, other = (LoopBuilder(each).hinf() for each in (LATE, volts))
     f = np.geomspace(1, 1900, 30)
     # What is synthesised in other units differs by the solution of two Riccati equations.
     assert one.of_axis(0, f) == pytest.approx(other.of_axis(0, f), rel=5e-6)

@@ -15,7 +15,7 @@ from filter_cases import core_model, core_settings, made
 import ambkit
 from ambkit import ClosedLaw, KalmanFilter, Machine, Record, Scenario, Status
 from ambkit.estimate.observer import ExtendedStateObserver, SteadyStateKalmanFilter
-from ambkit.estimate.registry import KINDS, in_core_of
+from ambkit.estimate.registry import KINDS, core_kernel
 from ambkit.machine.magnets import ConstantStiffness, core_module
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
@@ -283,7 +283,7 @@ def test_a_record_is_a_record_for_all():
 def test_the_core_calls_it_as_the_registry_says(kind):
     core = Path(__file__).parents[1] / "core"
     estimator = kind.make(BEARING)
-    assert in_core_of(estimator) is kind.core
+    assert core_kernel(estimator) is kind.core
     declared = "".join(file.read_text() for file in core.glob("include/ambkit/*.h"))
     for name in filter(None, (kind.core.methods, kind.core.state, kind.core.own)):
         assert re.search(rf"\b{name}\b", declared)

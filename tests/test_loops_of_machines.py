@@ -15,7 +15,7 @@ from ambkit import Machine
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.control.stabilising_controller import holding
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.judge.loop.margins import bode_integral, grid, highest, margins
 from ambkit.judge.loop.synthesis import EDGE, _growing, _ratio, least_peaks
 from ambkit.models.linear import LinearSystem, Signal
@@ -176,7 +176,7 @@ def test_least_peak_by_the_dead_time_is_that_of_the_fastest_pole():
 def test_bodes_integral_of_presets(name, rpm):
     preset = Machine.preset(name).model_copy(update={"speed": rpm * RPM, "unbalance": ()})
     for kind in (None, "linear", "extended"):
-        loop = LoopOf(preset).loop(made(kind, preset) if kind else None)
+        loop = LoopBuilder(preset).loop(made(kind, preset) if kind else None)
         assert loop.is_stable
         found = bode_integral(loop)
         assert found.poles > 0.05

@@ -116,7 +116,7 @@ def test_the_weight_bends_it_once():
     H = directions(one, one.axes)
     balance = H[:, :4].T @ F
     np.testing.assert_allclose(balance, [one.rotor.mass * GRAVITY, 0, 0, 0], atol=1e-9)
-    sag = geometry.bent_by(one, F)
+    sag = geometry.static_deflection(one, F)
     assert 2e-5 < np.abs(sag[0]) < 3e-5  # of the first mode in x, by the bearings
 
 
@@ -125,7 +125,7 @@ def test_a_run_up_passes_the_first_bending_mode(feedback):
     one = flexible(unbalance=[{"place": "364 mm", "amount": "2 g mm"}])
     up = Ramp(slope=400.0, start=0.0)
     usual = tuple(map(chosen, isolated_axes(one)))
-    weak = _Search(one, usual, "measurement").most_damped().pids  # its peak of abs(S) is above 2
+    weak = _Search(one, usual, "measurement").max_damping().pids  # its peak of abs(S) is above 2
     pids = {a.name: PID(**gains._asdict()) for a, gains in zip(one.axes, weak, strict=True)}
     control = Control(pid=pids)
     run = simulate(

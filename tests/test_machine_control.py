@@ -14,7 +14,7 @@ from ambkit.control.control import Control
 from ambkit.control.controllers import controllers_of
 from ambkit.control.pid import PID
 from ambkit.control.regulator import regulator
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.plant import Plant
 from ambkit.simulation.run import simulate_run
@@ -130,7 +130,7 @@ def test_poles_of_the_loop_do_not_move_by_what_is_left_to_turn():
     filter = KalmanFilter(machine, synchronous=["unbalance"])
     poles = []
     for told in (Control(), Control(unbalance="compensation")):
-        poles.append(LoopOf(machine, told).loop(filter).closed.poles())
+        poles.append(LoopBuilder(machine, told).loop(filter).closed.poles())
     away = np.abs(poles[0][:, None] - poles[1][None, :]).min(axis=1)
     assert away.max() < 1e-5  # of double ones the digits are half as many
     assert np.abs(poles[1]).max() < 1

@@ -10,7 +10,7 @@ from quick import quick
 from ambkit import AmbkitError, ExtendedKalmanFilter, KalmanFilter, Machine, Record, Status
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.registry import KINDS
-from ambkit.machine.axes import Bank, isolated_axes, weights_of
+from ambkit.machine.axes import ForceLaws, isolated_axes, weights_of
 from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import GRAVITY
 from ambkit.simulation.run import simulate_run
@@ -164,7 +164,7 @@ def test_magnets_are_known_one_by_one():
     one = machine()
     record = flown(one).record
     laws = [magnet_of(each) for each in isolated_axes(one)]
-    for given in (laws, Bank(laws), None):
+    for given in (laws, ForceLaws(laws), None):
         estimate = ExtendedKalmanFilter(one, given).run(record)
         assert estimate.k_i.shape == (len(record), 4)
     with pytest.raises(ValueError, match="zip"):

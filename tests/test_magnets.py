@@ -10,7 +10,13 @@ from magnet_at import differences, force, tangent, through_origin
 from oracles import least_squares_stiffness, magnet_force
 
 from ambkit import Machine
-from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, core_module, equally_far, magnet_of
+from ambkit.machine.magnets import (
+    ClosedLaw,
+    ConstantStiffness,
+    core_module,
+    magnet_of,
+    symmetric_current_limit,
+)
 
 TWO_SIDED = Machine.preset("zittau_axial")
 ONE_SIDED = Machine.preset("inteco_ml")
@@ -98,7 +104,7 @@ def test_through_the_origin_is_the_limit_of_the_papers_least_squares(bearing, a,
     iu, x = a * bearing.current_max * 0.5, b * 0.5 * bearing.clearance
     limit = np.array(through_origin(ClosedLaw(bearing).in_core(CORE), iu, x))
 
-    ampere, metre = equally_far(bearing)
+    ampere, metre = symmetric_current_limit(bearing)
 
     def left(step):
         found = least_squares_stiffness(

@@ -16,7 +16,7 @@ from model_oracles import random_model, random_settings
 from ambkit.models import NUMBER, ONE, ZERO, compose, machine_model
 from ambkit.models.declaration import UNIT, Plan
 from ambkit.models.model import compressed_rows
-from ambkit.models.parts import PARTS, ColouredNoise, Delay, Disturbance, MagnetPlace, Rotor, Sensor
+from ambkit.models.parts import PARTS, ColouredNoise, Delay, Disturbance, MagnetForce, Rotor, Sensor
 from ambkit.models.sampling import Sampling
 
 # ---- patterns ----
@@ -141,8 +141,8 @@ def test_a_new_part_is_one_class_and_its_registration(monkeypatch):
 
 @pytest.mark.parametrize(("parts", "message"), [
     ([Rotor(1.0, 1.0, 1.0), Rotor(1.0, 1.0, 1.0)], "two of the name x"),
-    ([MagnetPlace(1.0)], "f pushes at x, which is no position"),
-    ([Rotor(1.0, 1.0, 1.0), MagnetPlace(1.0, place="v")], "f pushes at v, which is no position"),
+    ([MagnetForce(1.0)], "f pushes at x, which is no position"),
+    ([Rotor(1.0, 1.0, 1.0), MagnetForce(1.0, place="v")], "f pushes at v, which is no position"),
     ([Rotor(1.0, 1.0, 1.0), Disturbance(1.0, 1.0)], "f_d is collocated with f, not a magnet"),
     ([ColouredNoise(1.0, 1.0)], "no measurement y"),
     ([Sensor(1.0, 1.0, 1.0)], "no part declares x; there are x_m"),
@@ -155,7 +155,7 @@ def test_parts_that_do_not_fit_are_refused(parts, message):
 
 
 def test_a_model_that_was_composed_before_is_kept_and_no_other_one():
-    one = [Rotor(1.0, 1.0, 1.0), MagnetPlace(1.0), Sensor(1.0, 1.0, 1e-4)]
+    one = [Rotor(1.0, 1.0, 1.0), MagnetForce(1.0), Sensor(1.0, 1.0, 1e-4)]
     assert compose(one, 1e-3) is compose([replace(part) for part in one], 1e-3)
     assert compose(one, 1e-3, name="other").name == "other"
     heavier = compose([Rotor(math.nextafter(1.0, 2.0), 1.0, 1.0), *one[1:]], 1e-3)

@@ -29,7 +29,7 @@ from ambkit.models.parts import (
     Delay,
     Disturbance,
     Hum,
-    MagnetPlace,
+    MagnetForce,
     Rotor,
     Sensor,
 )
@@ -94,7 +94,7 @@ class Compiled:
             "shown_variance(const double *cov, double *shown)":
                 f"for (int r = 0; r < {m}; r++) "
                 "shown[r] = amb_model_shown_variance(&model, r, cov)",
-            "shown_with(const double *cov, double *with)":
+            "measurement_update(const double *cov, double *with)":
                 f"for (int r = 0; r < {m}; r++) "
                 "amb_model_shown_with(&model, r, cov, &with[r * AMB_STATES])",
             "at_rest(double *mean)": "amb_model_equilibrium(&model, mean)",
@@ -182,7 +182,7 @@ def _same_shown(code, loops, X, P):
     shown, variance, with_y = np.zeros(m), np.zeros(m), np.zeros((m, code.n))
     code.call("shown", X, shown)
     code.call("shown_variance", code.triangle(P), variance)
-    code.call("shown_with", code.triangle(P), with_y)
+    code.call("measurement_update", code.triangle(P), with_y)
     for r, row in enumerate(loops.rows["c"]):
         PH = [added(c * float(P[i, j]) for j, c in row) for i in range(code.n)]
         np.testing.assert_array_equal(with_y[r], PH)
@@ -214,7 +214,7 @@ def test_the_axis_s_code_has_the_bits_of_the_loops(tmp_path):
 def test_an_axis_of_all_parts_has_the_bits_of_the_loops(tmp_path):
     """Names of states beside names of arguments: the amplifier's current is i."""
     model = compose([
-        Rotor(0.5, 1e-3, 0.1), MagnetPlace(10.0), Disturbance(10.0, 0.01), Sensor(0.8, None, 1e-3),
+        Rotor(0.5, 1e-3, 0.1), MagnetForce(10.0), Disturbance(10.0, 0.01), Sensor(0.8, None, 1e-3),
         Amplifier(1.0, 2000.0), Delay(1.5e-4, 1.0), ColouredNoise(1e-12, 200.0),
         Hum(50.0, 5e-6, 0.5),
     ], 1e-4, name="axis")  # fmt: skip

@@ -15,12 +15,12 @@ from ambkit.control.default_control import default_control
 from ambkit.control.linear.linear_plant import unbalance_columns
 from ambkit.judge.adequacy import judge_adequacy
 from ambkit.judge.loop.capacity import of_unbalance
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.judge.modal_reduction import reduction
 from ambkit.judge.whirl_modes import CriticalSpeed
 from ambkit.machine.components import Unbalance
 from ambkit.machine.rotors.descriptions import ShaftRotor
-from ambkit.machine.rotors.modes import SHARP, above, end_of_range, speeds_of, whirl, whirl_error
+from ambkit.machine.rotors.modes import SHARP, above, max_frequency, speeds_of, whirl, whirl_error
 from ambkit.rotordynamics import separation_margins
 from ambkit.rotordynamics.separation_margins import Separation, loop_criticals, separations
 from ambkit.workflow.check import inspect
@@ -129,7 +129,7 @@ def kept_in(machine):
 def test_modes_are_chosen_for_the_speed(chosen):
     rotor, speeds = rotor_of(chosen), speeds_of(chosen.speed)
     assert kept_in(chosen) == 6  # all below half the sampling rate
-    top = end_of_range(chosen.sampling_time, chosen.speed)
+    top = max_frequency(chosen.sampling_time, chosen.speed)
     shares = [whirl_error(rotor, rotor.every_mode, top, speeds, n).error for n in (5, 6)]
     assert shares[1] < SHARP * rotor.modes_within < shares[0]  # so that none is kept for nothing
     slow = overhung().replace(speed=0.0)
@@ -149,11 +149,11 @@ def off_near_the_whirl(machine, kept):
     """How far the peak of S by the forward whirl is off with the modes kept, under a regulator."""
     own, many = with_modes(machine, kept), with_modes(machine, 10)
     kalman = KalmanFilter(own)
-    of = LoopOf(own, Control(type="lqg"))
+    of = LoopBuilder(own, Control(type="lqg"))
     flown, f = of.flown_by(kalman), np.linspace(700.0, 900.0, 201)
     peaks = []
     for plant in (own, many):
-        loop = LoopOf(plant, of.control, point=of.point, law=flown).loop(kalman)
+        loop = LoopBuilder(plant, of.control, point=of.point, law=flown).loop(kalman)
         assert loop.is_stable
         peaks.append(np.abs(np.einsum("kii->ki", loop.along_axes(f))).max(axis=0))
     return float(np.max(np.abs(peaks[0] / peaks[1] - 1)))
@@ -254,12 +254,12 @@ def test_critical_speeds_are_those_of_the_controllers_that_fly(chosen):
 
 def test_a_critical_speed_is_where_the_response_to_unbalance_peaks(one_mode):
     """By ideal sensors and amplifiers it was 6 % too low, its amplification 6.6 in place of 30."""
-    of = LoopOf(one_mode, Control(type="decentralised"))
+    of = LoopBuilder(one_mode, Control(type="decentralised"))
     (found,) = (one for one in loop_criticals(of, None, 1.2 * one_mode.speed)
                 if one.amplification > 2.5)  # fmt: skip
     planes = (Unbalance(place=0.325, amount=1e-6),)
     moved = one_mode.model_copy(update={"unbalance": planes})
-    shaken = LoopOf(moved, of.control).with_controllers(None, 1.2 * one_mode.speed)
+    shaken = LoopBuilder(moved, of.control).with_controllers(None, 1.2 * one_mode.speed)
     speed = found.speed * np.linspace(0.95, 1.05, 41)
     size = []
     for at in speed:
@@ -279,7 +279,7 @@ def test_a_filter_that_estimates_the_unbalance_has_critical_speeds_too(one_mode)
     planes = (Unbalance(place=0.325, amount=1e-6),)
     machine = one_mode.model_copy(update={"unbalance": planes})
     fed_by = KalmanFilter(machine, synchronous=("unbalance",))
-    of = LoopOf(machine, Control(type="decentralised"))
+    of = LoopBuilder(machine, Control(type="decentralised"))
     (sharp,) = (each for each in separations(machine, loop=of, fed_by=fed_by) if each.needed)
     shaken = of.with_controllers(fed_by, 2 * machine.speed)
     size = []
@@ -292,7 +292,7 @@ def test_a_filter_that_estimates_the_unbalance_has_critical_speeds_too(one_mode)
 def test_two_coupled_poles_make_one_critical_speed(one_mode):
     """A pole of the rotor and one of the filter, 8 % apart, make one peak of the response."""
     machine = one_mode.replace(speed=49_000 * RPM)
-    fed_by, of = KalmanFilter(machine), LoopOf(machine, Control(type="decentralised"))
+    fed_by, of = KalmanFilter(machine), LoopBuilder(machine, Control(type="decentralised"))
     (found,) = (each for each in separations(machine, loop=of, fed_by=fed_by) if each.needed)
     shaken = of.with_controllers(fed_by, 2 * machine.speed)
     speed = machine.speed * np.linspace(0.85, 1.25, 41)
@@ -334,7 +334,7 @@ def test_a_run_is_judged_by_the_controllers_that_fly_in_it(one_mode, assessment)
     controller = Control(type="lqg")
     run = simulate(one_mode, Scenario(duration=0.01, controller=controller))
     told = [row.value for row in run.rows if row.key == "critical_speed"]
-    of = LoopOf(one_mode, controller)
+    of = LoopBuilder(one_mode, controller)
     own = separations(one_mode, loop=of, fed_by=ExtendedKalmanFilter(one_mode))
     assert told == [each.critical.speed for each in own]
     assert told != [each.critical.speed for each in assessment.separations]

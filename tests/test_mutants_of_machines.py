@@ -88,7 +88,7 @@ def has(name, data):
     flight, kalman = settled_scenario(machine, flight), KalmanFilter(machine, precision="float32")
     known = kalman.core.parameters["set"]
     gains, freed = "of_fed_back" in data, "of_motion" in data
-    return unseen.Has(
+    return unseen.ModelFeatures(
         len(kalman.states), "model_B_u_column" in data and bool(kalman.engine.model.B_u.any()),
         bool(np.any(known["rise"])), controlled=True, fed=flight.feedback == "estimate",
         gains=gains, unbalance_control=freed,

@@ -19,7 +19,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import in_si
 from ambkit.control.control import Control
 from ambkit.judge.comparison import compare
-from ambkit.judge.comparison.score import Benches
+from ambkit.judge.comparison.score import ComparisonSet
 from ambkit.result.card import spread
 from ambkit.result.report import Axis, Figure, Heatmap, Panel
 from ambkit.result.report.figure import paper_style
@@ -52,7 +52,7 @@ def shown():
     ]
     made = [
         BEARING, RECORD, ESTIMATE, Expert.paper(), study,
-        Benches({"paper": study}), LoopScores(BEARING, {}, {"a step": scores}, range(1)),
+        ComparisonSet({"paper": study}), LoopScores(BEARING, {}, {"a step": scores}, range(1)),
         ambkit.identify_online(BEARING, RECORD),
         ambkit.simulate(BEARING, duration="10 ms"),
         ambkit.filter(RECORD, ["linear"], machine=BEARING, settling="5 ms"),
@@ -68,7 +68,7 @@ def shown():
 
 
 NAMES = (
-    "Machine", "Record", "Estimate", "Expert", "Study", "Benches",
+    "Machine", "Record", "Estimate", "Expert", "Study", "ComparisonSet",
     "LoopScores", "OnlineComparison", "Run", "Filtering", "Tuned", "Design",
     "LiftedOff", "Assessment", "TradeOff", "Sweep", "Injection", "AssessedLog",
 )  # fmt: skip
@@ -99,7 +99,7 @@ def picture(html):
 
 
 @pytest.mark.pictures
-@pytest.mark.parametrize("name", quick(NAMES, ("Record", "Expert", "Bench")))
+@pytest.mark.parametrize("name", quick(NAMES, ("Record", "Expert", "Comparison")))
 def test_pictures_of_a_notebook_are_light(shown, name):
     assert 1_000 < len(picture(shown[name]._repr_html_())) < 150_000
 

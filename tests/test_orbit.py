@@ -11,7 +11,7 @@ from ambkit import Machine
 from ambkit.assessment.assess import MEASUREMENT, on_orbit
 from ambkit.base.errors import AmbkitError
 from ambkit.control.linear.linear_plant import OperatingPoint, Orbit, plant
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.machine.magnets import magnet_of
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
@@ -43,7 +43,7 @@ def test_of_one_axis_a_load_makes_the_orbit():
 
 def test_the_orbit_is_the_simulations():
     """By harmonic balance: nearer to it than the linear answer to the same unbalance."""
-    of = on_orbit(LoopOf(TUM), None, 0.2 * GAP)
+    of = on_orbit(LoopBuilder(TUM), None, 0.2 * GAP)
     run = simulate_run(
         of.machine, Scenario(duration=1.0, noise=False, controller={"feedback": "measurement"})
     ).record

@@ -7,7 +7,7 @@ import ambkit
 from ambkit import Estimator, FilterNoise, Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.comparison.cases import CASES, trials
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.workflow.tuning_tasks import NOISE
 
 BEARING = Machine.preset("zittau_axial")
@@ -210,13 +210,13 @@ def test_trade_off_is_a_curve_from_which_to_pick():
 
 def test_no_peak_is_computed_that_nobody_asked_for(monkeypatch):
     computed = []
-    old = LoopOf.peak
+    old = LoopBuilder.peak
 
     def spy(self, *given):
         computed.append(1)
         return old(self, *given)
 
-    monkeypatch.setattr(LoopOf, "peak", spy)
+    monkeypatch.setattr(LoopBuilder, "peak", spy)
     found = ambkit.tune(BEARING, filter="linear", seeds=1, budget=6)
     assert len(computed) <= 2  # of the untuned and of the tuned filter, for the warning
     told = found.to_dict()

@@ -15,7 +15,7 @@ from ambkit.control.control import Control
 from ambkit.control.controllers import controllers_of
 from ambkit.control.stabilising_controller import holding
 from ambkit.control.synchronous_compensation import _Rotor
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.models.plant import Plant
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
@@ -123,7 +123,7 @@ def touched(described, real, flight):
 def stable(described, flight):
     """Return whether the loop is stable at the fastest speed of a flight."""
     filter = KalmanFilter(described, synchronous=["unbalance"])
-    loop = LoopOf(described, flight.controller).loop(filter)
+    loop = LoopBuilder(described, flight.controller).loop(filter)
     return bool(np.abs(loop.closed.poles()).max() < 1)
 
 
@@ -188,7 +188,7 @@ def test_assess_judges_the_orbit_together_with_the_peak():
     planes = [{"place": z, "amount": 18 * u, "angle": a} for z, u, a in machine.unbalances()]
     machine = machine.replace(unbalance=planes)
     filter = KalmanFilter(machine, synchronous=["unbalance"])
-    of = LoopOf(machine, Control(cross_feedback=0.3, unbalance="force-free"))
+    of = LoopBuilder(machine, Control(cross_feedback=0.3, unbalance="force-free"))
     loop = assessed(filter.name, of.loop(filter), of)
     assert loop.zone == "A"
     assert loop.demands.zone in "BC"
@@ -206,7 +206,7 @@ def test_assess_knows_the_limit_of_a_large_unbalance():
         one = machine.replace(unbalance=planes)
         filter = KalmanFilter(one, synchronous=["unbalance"])
         for unbalance in ("off", "force-free"):
-            of = LoopOf(one, Control(unbalance=unbalance))
+            of = LoopBuilder(one, Control(unbalance=unbalance))
             (turned,) = of.turned(of.loop(filter))
             orbits.append(np.abs(turned.i).max() / factor)
     plain, free, same, limited = orbits

@@ -6,7 +6,7 @@ import pytest
 import ambkit
 from ambkit.estimate.named import factories
 from ambkit.identification.noise import standstill_noise
-from ambkit.workflow.filter_record import stretch_to_tune_on
+from ambkit.workflow.filter_record import tuning_window
 from ambkit.workflow.identify import identify
 from ambkit.workflow.simulate import experiment_duration, scenario_for
 from ambkit.workflow.tuning import default_disturbance, tune_disturbance
@@ -50,7 +50,7 @@ def test_a_measured_record_is_tuned_on_its_second_quarter_and_judged_on_the_seco
 
 
 def test_nothing_is_tuned_where_the_truth_or_the_noise_is_known(made):
-    assert stretch_to_tune_on(ambkit.load(made / "run.csv")) is None
+    assert tuning_window(ambkit.load(made / "run.csv")) is None
     log = ambkit.load(made / "log.csv")
     given = ambkit.filter(log, "linear", machine=BEARING, disturbance_noise=50.0)
     assert given.stretch is None

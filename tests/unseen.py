@@ -10,7 +10,7 @@ from itertools import product
 from typing import NamedTuple
 
 
-class Unseen(NamedTuple):
+class UndetectedFault(NamedTuple):
     """A line whose operators can be others, or that does not run, without a difference."""
 
     file: str  # how its name ends
@@ -19,7 +19,7 @@ class Unseen(NamedTuple):
     function: str = ""  # that it stands in; any, where it is empty
 
 
-def listed(text: str) -> tuple[Unseen, ...]:
+def listed(text: str) -> tuple[UndetectedFault, ...]:
     """Read lists of lines: a reason, and below it ``file@functions  text  text`` of each place."""
     found, why = [], ""
     for line in text.strip().splitlines():
@@ -29,11 +29,13 @@ def listed(text: str) -> tuple[Unseen, ...]:
         where, *texts = line.strip().split("  ")
         file, _, functions = where.partition("@")
         each = product(functions.split(","), texts or [""])
-        found += [Unseen(file.removeprefix("*"), text, why, function) for function, text in each]
+        found += [
+            UndetectedFault(file.removeprefix("*"), text, why, function) for function, text in each
+        ]
     return tuple(found)
 
 
-class Has(NamedTuple):
+class ModelFeatures(NamedTuple):
     """What decides which lines of a machine's export run."""
 
     states: int
@@ -49,7 +51,7 @@ class Has(NamedTuple):
     rounded: bool = False  # the readings of a sensor come in steps
 
 
-NOT_RUN: tuple[tuple[Callable[[Has], bool], str], ...] = (
+NOT_RUN: tuple[tuple[Callable[[ModelFeatures], bool], str], ...] = (
     (lambda has: not has.rising, """
 the noise of each sensor is the same everywhere:
     real.h@amb_noise_share
@@ -345,12 +347,12 @@ no sensor's readings come in steps:
 """Of a machine or an axis whose readings do not come in steps."""
 
 
-def lists(of_machine: bool, controlled: bool, rounded: bool) -> tuple[Unseen, ...]:
+def lists(of_machine: bool, controlled: bool, rounded: bool) -> tuple[UndetectedFault, ...]:
     """Return what is known of an export: of a machine or an axis, a filter or a controller."""
     known = MACHINE if of_machine else CONTROL if controlled else FILTER
     return known if rounded else known + UNROUNDED
 
 
-def not_run(has: Has) -> list[Unseen]:
+def not_run(has: ModelFeatures) -> list[UndetectedFault]:
     """Return what does not run in the self-test of a machine."""
     return [line for of, lines in NOT_RUN if of(has) for line in listed(lines)]

@@ -30,7 +30,7 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_file import FilterFile, filter_file_for
 from ambkit.estimate.filter_saving import in_memory
 from ambkit.estimate.named import AT, PLUS, FromFile, FromKind, experts, factories
-from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, kind_called, learned_magnet
+from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, get_kind, learned_magnet
 from ambkit.export.stiffness_table import tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.plausibility import evaluate_record, off_rate
@@ -137,7 +137,7 @@ def tuning_given(
     """Return machine, records and kind of filter; ``KIND@FILE`` names what its magnet asks."""
     plant = machine_argument(machine)
     kind, _, file = filter.partition(AT) if isinstance(filter, str) else (filter, "", "")
-    kind_called(kind)
+    get_kind(kind)
     named = names_in(Record, records=records)
     return TuningGiven(
         plant,
@@ -325,7 +325,7 @@ def _factory(filter: Any, machine: Machine, choice: Sequence[str]) -> FromKind |
         hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(choice)}"
         raise AmbkitError(f'filter: there is no filter and no file "{text}"; {hint}')
     kind = text.partition(AT)[0] if AT in text else "adaptive"
-    return FromKind(kind_called(kind).name, machine, experts(path, machine))
+    return FromKind(get_kind(kind).name, machine, experts(path, machine))
 
 
 def _exportable(file: FilterFile, name: Any, choice: Sequence[str]) -> FilterFile:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ambkit
-from ambkit.judge.comparison.score import Benches
+from ambkit.judge.comparison.score import ComparisonSet
 
 Array = NDArray[np.float64]
 IRON = """
@@ -145,10 +145,10 @@ def judged(bearing: ambkit.Machine, scenario: ambkit.Scenario, record: ambkit.Re
     loops = ambkit.compare_steps(bearing, filters, scenario=scenario, seeds=2)
     assert_type(loops.scores["scenario"]["linear"].mean("f_d"), float)
     case = ambkit.compare(bearing, ["linear"], case="model", seeds=2)
-    assert not isinstance(case, Benches)
+    assert not isinstance(case, ComparisonSet)
     assert_type(case.efficiency("linear", "x"), float)
     whole = ambkit.compare(bearing, ["low-pass"], case="all", seeds=1)
-    assert isinstance(whole, Benches)
+    assert isinstance(whole, ComparisonSet)
     assert_type(whole["paper"].default["low-pass"].mean("x"), float)
     recovery = ambkit.inject_faults(bearing, ["linear"], faults=["knock"], samples=0)
     assert_type(recovery.to_dict(), dict[str, Any])

@@ -24,7 +24,7 @@ from ambkit.control.linear.closed_loop import Loop
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation.signals import sparse_multisine
-from ambkit.judge.loop.loop_of import ZONES, LoopOf, zone_of
+from ambkit.judge.loop.loop_builder import ZONES, LoopBuilder, zone_of
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
@@ -183,13 +183,13 @@ def sweep(
     return Sweep(of.machine, at, kind, name, loop, tuple(map(run, levels)), of.top)
 
 
-def _linear(arguments: LoopArguments, orbit: Any) -> tuple[LoopOf, str, AssessedLoop | None]:
+def _linear(arguments: LoopArguments, orbit: Any) -> tuple[LoopBuilder, str, AssessedLoop | None]:
     """Return the axis, its feedback, and the linear model, if there is one."""
     machine, filters, controller, x, load = arguments
     if controller is not None and as_control(controller).custom:
         if orbit is not False:
             raise AmbkitError("orbit needs a linear loop, and a controller in Python has none")
-        return LoopOf(machine, controller, x, load), next(iter(filters), MEASUREMENT), None
+        return LoopBuilder(machine, controller, x, load), next(iter(filters), MEASUREMENT), None
     result = assess(arguments, orbit=orbit)
     name, loop = list(result.loops.items())[-1]
     if loop.worst is None:
@@ -200,7 +200,7 @@ def _linear(arguments: LoopArguments, orbit: Any) -> tuple[LoopOf, str, Assessed
 class _Rig:
     """The simulated loop, without noise."""
 
-    def __init__(self, of: LoopOf, filter: Any, model: Loop | None, axis: int) -> None:
+    def __init__(self, of: LoopBuilder, filter: Any, model: Loop | None, axis: int) -> None:
         self.of, self.filter, self.model, self.axis = of, filter, model, axis
         self.machine, self.T = of.machine, of.machine.sampling_time
         self.turns = bool(self.machine.speed)

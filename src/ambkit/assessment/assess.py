@@ -18,8 +18,8 @@ from ambkit.base.units import engineering
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_plant import OperatingPoint, Orbit
 from ambkit.estimate.estimator import Estimator
-from ambkit.judge.loop.capacity import of_unbalance, orbit, pairs_of
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.capacity import of_unbalance, orbit, synchronous_pairs
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.machine.magnets import magnet_of
 
 TURNS, SAME = 60, 1e-6
@@ -28,7 +28,9 @@ TURNS, SAME = 60, 1e-6
 HELD = 0.9  #: Maximum orbit, over the air gap.
 
 
-def on_orbit(of: LoopOf, estimator: Estimator | None, amplitude: float | None = None) -> LoopOf:
+def on_orbit(
+    of: LoopBuilder, estimator: Estimator | None, amplitude: float | None = None
+) -> LoopBuilder:
     """Return a loop at the operating point of its orbit."""
     # Harmonic balance of first order (Nayfeh and Mook 1979): the magnets' force at the speed of
     # rotation beyond that of their mean stiffnesses is returned to the loop, and their mean force
@@ -52,7 +54,7 @@ def on_orbit(of: LoopOf, estimator: Estimator | None, amplitude: float | None = 
             else _unbalanced(there, loop, scale)
         )  # fmt: skip
         _within(machine, there, result)
-        far = float(orbit(np.atleast_1d(result.x), pairs_of(machine)).max())
+        far = float(orbit(np.atleast_1d(result.x), synchronous_pairs(machine)).max())
         now = np.concatenate([np.atleast_1d(result.x), [scale * far]])
         there = there.at(OperatingPoint(_carried(there, rest, result), rest.x, result))
         if last is not None and np.abs(now - last).max() <= SAME * np.abs(now).max():
@@ -67,7 +69,7 @@ def on_orbit(of: LoopOf, estimator: Estimator | None, amplitude: float | None = 
     return there
 
 
-def _flowing(of: LoopOf, demanded: Complex) -> Any:
+def _flowing(of: LoopBuilder, demanded: Complex) -> Any:
     """Return the currents that follow from the commanded ones: delayed, held, and lagging."""
     T, f = of.machine.sampling_time, of.machine.speed / (2 * math.pi)
     late = np.exp(-2j * np.pi * f * ((of.machine.delay or 0.0) + T / 2)) * np.sinc(f * T)
@@ -75,7 +77,7 @@ def _flowing(of: LoopOf, demanded: Complex) -> Any:
     return late * demanded / np.array(lags)
 
 
-def _forced(of: LoopOf, loop: Loop, amplitude: float) -> Orbit:
+def _forced(of: LoopBuilder, loop: Loop, amplitude: float) -> Orbit:
     """Return the orbit of one axis under a synchronous load."""
     f = np.array([of.machine.speed / (2 * math.pi)])
     demanded = of.isolated[0].amplifier.gain * loop.control_by_load(f)[0, :, 0]
@@ -84,7 +86,7 @@ def _forced(of: LoopOf, loop: Loop, amplitude: float) -> Orbit:
     return Orbit(_flowing(of, demanded), x, demanded)
 
 
-def _unbalanced(of: LoopOf, loop: Loop, scale: float) -> Orbit:
+def _unbalanced(of: LoopBuilder, loop: Loop, scale: float) -> Orbit:
     """Return the orbit due to a machine's unbalance, with the magnets' nonlinear force."""
     machine = of.machine
     f = np.array([machine.speed / (2 * math.pi)])
@@ -96,7 +98,7 @@ def _unbalanced(of: LoopOf, loop: Loop, scale: float) -> Orbit:
     return Orbit(_flowing(of, demanded), x, demanded)
 
 
-def _beyond(of: LoopOf) -> Complex:
+def _beyond(of: LoopBuilder) -> Complex:
     """Return the synchronous force beyond that of the mean stiffnesses (p,) [N]."""
     result = np.zeros(len(of.isolated), complex)
     if of.point.orbit is None:
@@ -111,7 +113,7 @@ def _beyond(of: LoopOf) -> Complex:
     return result
 
 
-def _carried(of: LoopOf, rest: OperatingPoint, swing: Orbit) -> Any:
+def _carried(of: LoopBuilder, rest: OperatingPoint, swing: Orbit) -> Any:
     """Return the mean currents for which the mean force is that in equilibrium."""
     point = OperatingPoint(of.point.iu, rest.x, swing)
     results = []
@@ -124,7 +126,7 @@ def _carried(of: LoopOf, rest: OperatingPoint, swing: Orbit) -> Any:
     return np.array(results)
 
 
-def _within(machine: Any, of: LoopOf, result: Orbit) -> None:
+def _within(machine: Any, of: LoopBuilder, result: Orbit) -> None:
     for b, x0, x in zip(
         of.isolated, np.atleast_1d(of.point.x), np.atleast_1d(result.x), strict=True
     ):
@@ -143,7 +145,7 @@ def assess(
     loop: LoopArguments, *, lqg: bool = False, hinf: bool = False, orbit: Given | bool = False
 ) -> Assessment:
     """Assess a loop as in ISO 14839-3: opened at the measurement, including the filter."""
-    of = LoopOf(loop.machine, loop.controller, loop.position, loop.disturbance)
+    of = LoopBuilder(loop.machine, loop.controller, loop.position, loop.disturbance)
     amplitude = None if isinstance(orbit, bool) else in_si("orbit", orbit, "m")
 
     def fed_by(name: str, estimator: Estimator | None) -> AssessedLoop:

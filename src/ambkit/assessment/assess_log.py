@@ -20,10 +20,10 @@ from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.machine_model import View
-from ambkit.judge.loop.loop_of import ZONES, zone_of
+from ambkit.judge.loop.loop_builder import ZONES, zone_of
 from ambkit.judge.loop.measured_sensitivity import Logged, MeasuredSensitivity, measured_sensitivity
 from ambkit.machine.machine import Machine
-from ambkit.machine.rotors.modes import end_of_range
+from ambkit.machine.rotors.modes import max_frequency
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row, Section, put
@@ -160,7 +160,7 @@ def assess_log(record: Record, loop: LoopArguments | None, logged: Logged) -> As
         axis, record = of_one_axis(record, loop.machine)
     result = measured_sensitivity(record, logged)
     speed = None if loop is None else loop.machine.speed
-    top = end_of_range(result.sampling_time, speed)
+    top = max_frequency(result.sampling_time, speed)
     model = None if loop is None else assess(loop)
     inside = result.frequency <= top
     size = np.where(inside, np.abs(result.sensitivity), -np.inf)

@@ -18,7 +18,7 @@ from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.control.pid import PID
 from ambkit.data.signals import by_name
 from ambkit.estimate.estimator import Estimator
-from ambkit.judge.loop.loop_of import ZONES, LoopOf, ideal_pieces
+from ambkit.judge.loop.loop_builder import ZONES, LoopBuilder, ideal_pieces
 from ambkit.judge.modal_reduction import reduction
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
@@ -66,7 +66,7 @@ class Assessment(Result):
 
     signed = True
 
-    of: LoopOf  #: Plant, controllers and operating point.
+    of: LoopBuilder  #: Plant, controllers and operating point.
     estimators: dict[str, Estimator]  #: Estimators in the loops.
     #: Least peaks of S and T, by largest singular values, of any controller with this plant.
     least: tuple[float, float]

@@ -27,7 +27,7 @@ from ambkit.identification.excitation.signals import Excitation, sparse_multisin
 from ambkit.judge.loop.measured_sensitivity import MeasuredSensitivity, measured_sensitivity
 from ambkit.machine.axes import axis_named
 from ambkit.machine.machine import Machine
-from ambkit.machine.rotors.modes import end_of_range
+from ambkit.machine.rotors.modes import max_frequency
 from ambkit.result.report import Axis, Band, Figure, Line, Panel, Points
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section
@@ -235,7 +235,7 @@ class _Experiment:
     def checked(self, band: tuple[float, float] | None) -> tuple[float, float]:
         """Return the band [Hz], by default the complete one."""
         lowest, highest = 1 / (self.period * self.T), 0.45 / self.T
-        band = band or (lowest, min(end_of_range(self.T, self.machine.speed), highest))
+        band = band or (lowest, min(max_frequency(self.T, self.machine.speed), highest))
         period = f", one period of the signal that comes {PERIODS} times,"
         check_band(band, (lowest, period), (highest, " at most"))
         return band

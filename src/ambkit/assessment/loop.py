@@ -10,7 +10,7 @@ import numpy as np
 
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.judge.loop.capacity import Demands, demands
-from ambkit.judge.loop.loop_of import LoopOf, zone_of
+from ambkit.judge.loop.loop_builder import LoopBuilder, zone_of
 from ambkit.judge.loop.margins import (
     BodeIntegral,
     Margins,
@@ -55,7 +55,7 @@ class AssessedLoop:
     #: frequency [Hz]; NaN for an unstable loop.
     largest: tuple[float, float]
     integral: BodeIntegral  #: Numerical check.
-    of: LoopOf  #: Plant and operating point.
+    of: LoopBuilder  #: Plant and operating point.
 
     @property
     def worst(self) -> AssessedAxis | None:
@@ -116,7 +116,7 @@ class AssessedLoop:
         return self.zone if d is None else max(self.zone, "D" if saturated else d.zone)
 
 
-def assessed(name: str, loop: Loop, of: LoopOf) -> AssessedLoop:
+def assessed(name: str, loop: Loop, of: LoopBuilder) -> AssessedLoop:
     """Assess a loop."""
     integral = bode_integral(loop)
     if not loop.is_stable:

@@ -14,7 +14,7 @@ from ambkit.base.units import engineering
 from ambkit.control.control import Control
 from ambkit.estimate.estimator import Estimator
 from ambkit.judge.loop.capacity import ROOM
-from ambkit.judge.loop.loop_of import ZONE_A, LoopOf
+from ambkit.judge.loop.loop_builder import ZONE_A, LoopBuilder
 from ambkit.judge.loop.margins import UnstablePole
 from ambkit.result.row import At, Row, put
 from ambkit.rotordynamics.unbalance_response import Grade
@@ -40,7 +40,7 @@ LESS_IS_WORSE = frozenset((
 """Keys of the rows for which less is worse."""
 
 
-def of_axis(axis: AssessedAxis, of: LoopOf) -> list[Row]:
+def of_axis(axis: AssessedAxis, of: LoopBuilder) -> list[Row]:
     """Return the figures of one axis of a stable loop, with all others closed."""
     m, d, top = axis.margins, axis.demands, engineering(of.top, "Hz", 4)
     warm, load = d.heating, At("least_load_at", d.capacity.least[1])
@@ -152,7 +152,7 @@ def of_unstable_poles(poles: Sequence[UnstablePole]) -> list[Row]:
     ]  # fmt: skip
 
 
-def facts_of(loop: AssessedLoop, of: LoopOf, estimator: Estimator | None) -> dict[str, str]:
+def facts_of(loop: AssessedLoop, of: LoopBuilder, estimator: Estimator | None) -> dict[str, str]:
     """Return the conditions of one loop's figures."""
     machine = of.machine
     facts = {"machine": machine.name, "controller fed by": loop.name, "held at": held_at(of)}
@@ -182,7 +182,7 @@ def facts_of(loop: AssessedLoop, of: LoopOf, estimator: Estimator | None) -> dic
     }  # fmt: skip
 
 
-def held_at(of: LoopOf) -> str:
+def held_at(of: LoopBuilder) -> str:
     """Return displacement and control current of each axis at the operating point, as text."""
     parts = [
         f"{engineering(float(x), 'm')}, {engineering(float(iu), 'A', 3)}"

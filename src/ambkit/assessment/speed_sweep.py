@@ -22,7 +22,7 @@ from ambkit.base.threads import one_thread
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.estimate.estimator import Estimator
 from ambkit.judge.loop import capacity
-from ambkit.judge.loop.loop_of import ZONE_A, ZONES, LoopOf, zone_of
+from ambkit.judge.loop.loop_builder import ZONE_A, ZONES, LoopBuilder, zone_of
 from ambkit.judge.loop.margins import BodeIntegral, bode_integral, grid, highest
 from ambkit.judge.modal_reduction import reduction
 from ambkit.judge.whirl_modes import max_speed
@@ -255,12 +255,12 @@ class _Run:
         )
         self.machine = machine.model_copy(update={"unbalance": planes})
         self.fed_by, self.orbit = fed_by, orbit
-        of = LoopOf(self.machine, arguments.controller, load=arguments.disturbance)
+        of = LoopBuilder(self.machine, arguments.controller, load=arguments.disturbance)
         self.point, self.axes = of.point, of.axes
         self.of = of.with_controllers(fed_by, max_speed)
 
-    def loop(self, speed: float) -> tuple[LoopOf, Loop]:
-        """Return the loop at a speed [rad/s], and its `LoopOf`."""
+    def loop(self, speed: float) -> tuple[LoopBuilder, Loop]:
+        """Return the loop at a speed [rad/s], and its `LoopBuilder`."""
         of, inner = self.of.at_speed(speed, self.fed_by)
         if self.orbit and speed:
             of = on_orbit(of, inner)
@@ -285,10 +285,10 @@ class _Run:
         return np.array(peaks), largest, poles, *self.asked(of, loop, responses)
 
     def asked(
-        self, of: LoopOf, loop: Loop, responses: list[capacity.Turned]
+        self, of: LoopBuilder, loop: Loop, responses: list[capacity.Turned]
     ) -> tuple[Array, Array, Array | None, Array | None]:
         """Return displacement [m], current [A], voltage [1] and temperature [K] of each axis."""
-        p, pairs, point = loop.axes, capacity.pairs_of(of.machine), self.point
+        p, pairs, point = loop.axes, capacity.synchronous_pairs(of.machine), self.point
         noise = np.sqrt(np.diag(loop.noise_covariance(*of.noise())))
         gains = np.array([b.amplifier.gain for b in of.isolated])
         far = capacity.orbit(point.x, pairs) + capacity.SIGMAS * noise[:p]
@@ -301,7 +301,7 @@ class _Run:
         volts = [self.share(of, k, responses) for k in range(p)]
         known = [volt for volt in volts if volt is not None]
         warm = [
-            capacity.heating(b, capacity.squares_of_coils(b, float(iu), float(mean)))
+            capacity.heating(b, capacity.coil_current_squares(b, float(iu), float(mean)))
             for b, iu, mean in zip(of.isolated, point.iu, square, strict=True)
         ]
         temperatures = [item.temperature for item in warm if item is not None]
@@ -310,7 +310,7 @@ class _Run:
             np.array(temperatures) if len(temperatures) == p else None,
         )  # fmt: skip
 
-    def share(self, of: LoopOf, axis: int, responses: list[capacity.Turned]) -> float | None:
+    def share(self, of: LoopBuilder, axis: int, responses: list[capacity.Turned]) -> float | None:
         """Return the maximum voltage of an axis's coils, over its limit [1]."""
         b, limit = of.isolated[axis], of.isolated[axis].amplifier.voltage_limit
         iu, x = float(self.point.iu[axis]), float(self.point.x[axis])

@@ -37,7 +37,7 @@ class Copyable:
 
     def __reduce__(self) -> tuple[Any, ...]:
         own = {name: value for name, value in vars(self).items() if name not in self._of_core}
-        return _made_anew, (type(self), *self._made), (own_version(), self.core.state, own)
+        return _rebuild, (type(self), *self._made), (own_version(), self.core.state, own)
 
     def __setstate__(self, state: tuple[str, bytes, dict[str, Any]]) -> None:
         writer, live, own = state
@@ -50,5 +50,5 @@ class Copyable:
         self.core.state = live
 
 
-def _made_anew(of: type[Any], args: tuple[Any, ...], options: dict[str, Any]) -> Any:
+def _rebuild(of: type[Any], args: tuple[Any, ...], options: dict[str, Any]) -> Any:
     return of(*args, **options)

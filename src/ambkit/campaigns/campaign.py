@@ -12,7 +12,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
 from ambkit.campaigns import figures as pictures
 from ambkit.campaigns.plan import Plan
-from ambkit.campaigns.results import Counted, Machines, Share, Worst
+from ambkit.campaigns.results import Machines, Share, StoppingRule, Worst
 from ambkit.campaigns.sobol_indices import Indices, indices
 from ambkit.campaigns.store import Folder
 from ambkit.campaigns.study_tables import UNITS
@@ -126,7 +126,7 @@ class Campaign(Result, Machines):
             The folder has no campaign, or one of another version of ambkit.
         """
         place = Folder.existing(folder)
-        return cls(place.path, place.plan, Counted(place).counting())
+        return cls(place.path, place.plan, StoppingRule(place).counting())
 
     def replay(self, run: int) -> Replayed:
         """Simulate a run again, with all its samples.

@@ -28,7 +28,7 @@ from ambkit.campaigns.keys import Key
 LEAST, MOST = 2.0**-54, 1 - 2.0**-53  #: Range of probabilities for which a quantile is computed.
 
 
-class Wrong(ValueError):
+class InvalidValue(ValueError):
     """An error at one key of a varied quantity."""
 
     def __init__(self, key: str, text: str) -> None:
@@ -77,7 +77,7 @@ class Marginal(ABC):
 
 
 @dataclass(frozen=True)
-class UniformOn(Marginal):
+class UniformMarginal(Marginal):
     """Uniform between two ends."""
 
     low: float
@@ -88,7 +88,7 @@ class UniformOn(Marginal):
 
 
 @dataclass(frozen=True)
-class NormalOf(Marginal):
+class NormalMarginal(Marginal):
     """Normal, truncated at `low` and `high`, which may be infinite."""
 
     mean: float
@@ -111,7 +111,7 @@ class NormalOf(Marginal):
 
 
 @dataclass(frozen=True)
-class OneOf(Marginal):
+class ChoiceMarginal(Marginal):
     """One of several values, by index."""
 
     values: tuple[Any, ...]
@@ -161,20 +161,24 @@ class Varied(Part):
         """Return one of the values in SI; a share with `about` is relative to the nominal value."""
         value = getattr(self, name)
         if not key.unit:
-            raise Wrong("what", f'{self.what} is no number: let it vary by type = "choice"')
+            raise InvalidValue("what", f'{self.what} is no number: let it vary by type = "choice"')
         if isinstance(value, _Bare) and key.unit != "1":
-            raise Wrong(name, f"{value:g} has no unit, write it in {key.unit} or in % of nominal")
+            raise InvalidValue(
+                name, f"{value:g} has no unit, write it in {key.unit} or in % of nominal"
+            )
         if isinstance(value, float):
             return float(value)
         try:
             if value.strip().endswith("%"):
                 share = units.parse(value, "1")
                 if not isinstance(key.value, float) or not key.value:
-                    raise Wrong(name, f"{value}: {self.what} has no nominal value to be a share of")
+                    raise InvalidValue(
+                        name, f"{value}: {self.what} has no nominal value to be a share of"
+                    )
                 return share * (abs(key.value) if about else key.value)
             return units.parse(value, key.unit)
         except ValueError as error:
-            raise Wrong(name, str(error)) from None
+            raise InvalidValue(name, str(error)) from None
 
 
 class Uniform(Varied):
@@ -191,14 +195,14 @@ class Uniform(Varied):
     def marginal(self, key: Key) -> Marginal:
         if self.tolerance is not None:
             if self.low is not None or self.high is not None:
-                raise Wrong("tolerance", "give either tolerance, or low and high")
+                raise InvalidValue("tolerance", "give either tolerance, or low and high")
             tolerance = _positive("tolerance", self._number("tolerance", key, about=True))
             nominal = _nominal("tolerance", self.what, key)
-            return UniformOn(nominal - tolerance, nominal + tolerance)
+            return UniformMarginal(nominal - tolerance, nominal + tolerance)
         for name in ("low", "high"):
             if getattr(self, name) is None:
-                raise Wrong(name, "missing: give low and high, or tolerance")
-        return _between(UniformOn, self._number("low", key), self._number("high", key))
+                raise InvalidValue(name, "missing: give low and high, or tolerance")
+        return _between(UniformMarginal, self._number("low", key), self._number("high", key))
 
 
 class Normal(Varied):
@@ -211,7 +215,7 @@ class Normal(Varied):
     """Standard deviation."""
 
     def marginal(self, key: Key) -> Marginal:
-        return NormalOf(*self._mean_and_std(key))
+        return NormalMarginal(*self._mean_and_std(key))
 
     def _mean_and_std(self, key: Key) -> tuple[float, float]:
         std = _positive("std", self._number("std", key, about=True))
@@ -232,8 +236,8 @@ class Truncated(Normal):
         mean, std = self._mean_and_std(key)
         low, high = self._number("low", key), self._number("high", key)
         if low > mean + 8 * std or high < mean - 8 * std:
-            raise Wrong("low", "all of the distribution lies beyond the ends")
-        return _between(lambda a, b: NormalOf(mean, std, a, b), low, high)
+            raise InvalidValue("low", "all of the distribution lies beyond the ends")
+        return _between(lambda a, b: NormalMarginal(mean, std, a, b), low, high)
 
 
 class Choice(Varied):
@@ -248,10 +252,10 @@ class Choice(Varied):
     def marginal(self, key: Key) -> Marginal:
         weights = self.weights or (1.0,) * len(self.values)
         if len(weights) != len(self.values):
-            raise Wrong(
+            raise InvalidValue(
                 "weights", f"must be {len(self.values)}, as many as values; are {len(weights)}"
             )
-        return OneOf(tuple(self._choice(value, key) for value in self.values), weights)
+        return ChoiceMarginal(tuple(self._choice(value, key) for value in self.values), weights)
 
     def _choice(self, value: float | str, key: Key) -> Any:
         if not key.unit:
@@ -264,17 +268,17 @@ Vary = Annotated[Uniform | Normal | Truncated | Choice, Field(discriminator="typ
 
 def _positive(name: str, value: float) -> float:
     if not value > 0:
-        raise Wrong(name, "must be greater than 0")
+        raise InvalidValue(name, "must be greater than 0")
     return value
 
 
 def _nominal(name: str, what: str, key: Key) -> float:
     if not isinstance(key.value, float):
-        raise Wrong(name, f"{what} has no nominal value: give its values")
+        raise InvalidValue(name, f"{what} has no nominal value: give its values")
     return key.value
 
 
 def _between(of: Callable[[float, float], Marginal], low: float, high: float) -> Marginal:
     if not low < high:
-        raise Wrong("high", "must be greater than low")
+        raise InvalidValue("high", "must be greater than low")
     return of(low, high)

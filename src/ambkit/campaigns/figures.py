@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
-from ambkit.campaigns.distributions import OneOf
+from ambkit.campaigns.distributions import ChoiceMarginal
 from ambkit.campaigns.results import Machines
 from ambkit.campaigns.sobol_indices import Indices
 from ambkit.campaigns.study_tables import UNITS, limit_of
 from ambkit.data.record_card import axis_of
-from ambkit.judge.loop.loop_of import ZONES
+from ambkit.judge.loop.loop_builder import ZONES
 from ambkit.result.report import Axis, Figure, Intervals, Item, Line, Note, Panel, Points, Rule
 
 TENTH = 0.1  #: Share of the machines with a quantity that counts as low, and as high.
@@ -113,7 +113,7 @@ def quantity(campaign: Machines, name: str) -> Quantity:
     place = plan.names.index(name)
     label = in_words(plan.names)[place]
     key, of = plan.keys[place], plan.marginals[place]
-    if isinstance(of, OneOf):
+    if isinstance(of, ChoiceMarginal):
         words = [_text(value, key.unit) for value in of.values]
         at = {value: float(number) for number, value in enumerate(of.values)}
         return Quantity(label, "1", np.array([at[value] for value in values.tolist()]), words)
@@ -164,7 +164,7 @@ def cumulative(campaign: Machines) -> Figure:
 
 def _groups(campaign: Machines) -> dict[str, NDArray[np.bool_]]:
     for name, of in zip(campaign.plan.names, campaign.plan.marginals, strict=True):
-        if isinstance(of, OneOf):
+        if isinstance(of, ChoiceMarginal):
             choice = quantity(campaign, name)
             return {word: choice.values == at for at, word in enumerate(choice.words)}
     return {"all": np.ones(len(campaign), bool)}

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel
 
 from ambkit.base.config.document import Document, updated
-from ambkit.base.config.problems import fields_of, names_of, quantity_of, unknown_key
+from ambkit.base.config.problems import expected_quantity, fields_of, names_of, unknown_key
 from ambkit.base.config.quantities import InOther, Quantity, SignalIn
 from ambkit.base.config.toml_text import flattened
 from ambkit.base.errors import AmbkitError
@@ -50,7 +50,7 @@ def key_in(model: Document, key: str) -> Key:
             raise AmbkitError(f"there is no key {key} to vary: {unknown_key(step, known)}")
         field = fields[step]
         place = next((mark for mark in field.metadata if isinstance(mark, SignalIn)), place)
-        quantity, here = quantity_of(field), _value(here, step)
+        quantity, here = expected_quantity(field), _value(here, step)
     if isinstance(here, BaseModel | tuple | dict):
         raise AmbkitError(f"{key} is a table: name one of its keys")
     if quantity is None:

@@ -19,7 +19,7 @@ from ambkit.base.config.document import updated
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import json_text
 from ambkit.campaigns import sampling
-from ambkit.campaigns.distributions import Marginal, OneOf
+from ambkit.campaigns.distributions import ChoiceMarginal, Marginal
 from ambkit.campaigns.keys import OF_RUN, Key, changed
 from ambkit.campaigns.study import Study
 from ambkit.campaigns.study_checks import key_of
@@ -88,7 +88,7 @@ class Plan:
     def levels(self) -> tuple[int, ...]:
         """Number of grid levels of each."""
         return tuple(
-            len(of.values) if isinstance(of, OneOf) else item.levels or 1
+            len(of.values) if isinstance(of, ChoiceMarginal) else item.levels or 1
             for item, of in zip(self.study.vary, self.marginals, strict=True)
         )
 
@@ -166,7 +166,7 @@ class Plan:
 
     def _choices(self, what: str) -> tuple[Any, ...]:
         of = dict(zip(self.names, self.marginals, strict=True)).get(what)
-        return of.values if isinstance(of, OneOf) else ()
+        return of.values if isinstance(of, ChoiceMarginal) else ()
 
     def points(self, first: int, stop: int) -> Array:
         """Return the values of each quantity in some runs (n, k), in SI, for choices indices."""
@@ -187,7 +187,7 @@ class Plan:
         allowed = self.allowed(points)
         for at, row in enumerate(points):
             values = {  # in SI, or the value of a choice
-                name: of.values[int(value)] if isinstance(of, OneOf) else float(value)
+                name: of.values[int(value)] if isinstance(of, ChoiceMarginal) else float(value)
                 for name, of, value in zip(self.names, self.marginals, row, strict=True)
             }
             yield self._drawn(first + at, values, int(noise[at]), bool(allowed[at]))
@@ -196,7 +196,7 @@ class Plan:
         """Return at which points (n, k) all numbers are within the limits of their keys (n,)."""
         allowed = np.ones(len(points), bool)
         for place, (key, of) in enumerate(zip(self.keys, self.marginals, strict=True)):
-            if not isinstance(of, OneOf) and key.unit:
+            if not isinstance(of, ChoiceMarginal) and key.unit:
                 column = points[:, place]
                 if key.above is not None:
                     allowed &= column > key.above

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError, library
-from ambkit.campaigns.distributions import OneOf
+from ambkit.campaigns.distributions import ChoiceMarginal
 from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.store import RUNS, Folder, array_of
 from ambkit.campaigns.study_tables import UNITS, ZONES
@@ -67,7 +67,7 @@ def looks(parts: int, size: int, least: int) -> list[int]:
     return [*result, parts]
 
 
-class Counted:
+class StoppingRule:
     """Passed runs in the parts of a folder."""
 
     def __init__(self, place: Folder) -> None:
@@ -101,7 +101,7 @@ class Counted:
     @property
     def end(self) -> int | None:
         """Number of parts after which the study ended; None if it has not."""
-        for end in looks_of(self.plan):
+        for end in interim_analyses(self.plan):
             if not all(part in self.passed for part in range(end)):
                 return None
             if end == self.plan.parts or self.enough(end):
@@ -114,7 +114,7 @@ class Counted:
         return tuple(sorted(self.passed)) if end is None else tuple(range(end))
 
 
-def looks_of(plan: Plan) -> list[int]:
+def interim_analyses(plan: Plan) -> list[int]:
     """Return the numbers of parts at which the stopping criterion is tested; the last is all."""
     stop = plan.study.stop
     return [plan.parts] if stop is None else looks(plan.parts, plan.study.part, stop.least)
@@ -202,7 +202,7 @@ class Machines:
         """Yield for each value of each choice."""
         passed, result = self.column("passed"), {}
         for name, of, key in zip(self.plan.names, self.plan.marginals, self.plan.keys, strict=True):
-            if not isinstance(of, OneOf):
+            if not isinstance(of, ChoiceMarginal):
                 continue
             column = self.column(name)
             shares = {}

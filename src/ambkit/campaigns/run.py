@@ -17,7 +17,7 @@ from ambkit.base.progress import Step, silent
 from ambkit.base.quantity_arguments import of_type
 from ambkit.campaigns.campaign import Campaign
 from ambkit.campaigns.plan import Plan
-from ambkit.campaigns.results import Counted, looks_of
+from ambkit.campaigns.results import StoppingRule, interim_analyses
 from ambkit.campaigns.store import Folder
 from ambkit.campaigns.study import Study, load
 from ambkit.campaigns.worker import Rows, compute, part_of, versions
@@ -142,9 +142,9 @@ def campaign(
     place = Folder(folder, plan)
     with place.held():
         place.begin()
-        counted = Counted(place)
+        counted = StoppingRule(place)
         with _hands(cluster, workers, threads, done) as computed:
-            for end in looks_of(plan):
+            for end in interim_analyses(plan):
                 missing = [part for part in range(end) if part not in counted.passed]
                 for part, rows in computed(plan, missing):
                     place.write(part, rows)
@@ -219,7 +219,7 @@ def _here(
 def status(folder: str | os.PathLike[str]) -> Statement:
     """Return the progress of the campaign in a folder, without disturbing one that runs."""
     place = Folder.existing(folder)
-    plan, counted = place.plan, Counted(place)
+    plan, counted = place.plan, StoppingRule(place)
     parts = counted.counting()
     good, complete = counted.share(parts), counted.end is not None
     state = "finished" if complete else "not finished"

@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError, library
-from ambkit.campaigns.distributions import Normal, NormalOf, OneOf, Truncated, Uniform, UniformOn
+from ambkit.campaigns.distributions import (
+    ChoiceMarginal,
+    Normal,
+    NormalMarginal,
+    Truncated,
+    Uniform,
+    UniformMarginal,
+)
 from ambkit.campaigns.study_tables import UNITS
 
 if TYPE_CHECKING:
@@ -25,16 +32,16 @@ def problem_of(plan: Plan) -> dict[str, Any]:
     bounds: list[list[float]] = []
     dists: list[str] = []
     for of in plan.marginals:
-        if isinstance(of, UniformOn):
+        if isinstance(of, UniformMarginal):
             bounds.append([of.low, of.high])
             dists.append("unif")
-        elif isinstance(of, OneOf):
+        elif isinstance(of, ChoiceMarginal):
             bounds.append([0.0, float(len(of.values))])
             dists.append("unif")
-        elif isinstance(of, NormalOf) and np.isfinite([of.low, of.high]).all():
+        elif isinstance(of, NormalMarginal) and np.isfinite([of.low, of.high]).all():
             bounds.append([of.low, of.high, of.mean, of.std])
             dists.append("truncnorm")
-        elif isinstance(of, NormalOf):
+        elif isinstance(of, NormalMarginal):
             bounds.append([of.mean, of.std])
             dists.append("norm")
     names = list(plan.names)
@@ -129,7 +136,7 @@ def indices(campaign: Machines, figure: str) -> Indices:
     )
     first, half = np.array(result["S1"], float), np.array(result["S1_conf"], float)
     for place, of in enumerate(plan.marginals):
-        if isinstance(of, OneOf):
+        if isinstance(of, ChoiceMarginal):
             first[place], half[place] = _of_choice(X[:, place], Y[finite], plan.study.confidence)
     return Indices(
         figure, "first-order indices", plan.names, first, half, None, None, int(finite.sum()),

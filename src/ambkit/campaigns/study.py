@@ -35,7 +35,7 @@ from ambkit.base.config import Document, Read
 from ambkit.base.config.text_types import Description, Name, from_folder, to_folder
 from ambkit.base.errors import AmbkitError
 from ambkit.campaigns.distributions import Vary
-from ambkit.campaigns.study_tables import Correlated, Passes, Recorded, Stop
+from ambkit.campaigns.study_tables import Correlated, Criteria, Recorded, Stop
 from ambkit.control.control import Control
 from ambkit.estimate import DEFAULT
 from ambkit.machine import presets
@@ -108,7 +108,7 @@ class Study(Document):
     """Correlations between these."""
     record: Recorded = Recorded()
     """Data to store."""
-    passes: Passes = Passes()
+    passes: Criteria = Criteria()
     """Criteria of a good machine."""
     stop: Stop | None = None
     """Criterion for an early end."""

@@ -10,7 +10,7 @@ import numpy as np
 from ambkit.base.config import Read
 from ambkit.base.config.document import Document
 from ambkit.base.errors import AmbkitError
-from ambkit.campaigns.distributions import Choice, Varied, Wrong
+from ambkit.campaigns.distributions import Choice, InvalidValue, Varied
 from ambkit.campaigns.keys import OF_RUN, Key, by_places, key_in
 from ambkit.control.controllers import TYPES
 from ambkit.machine.loading import load_machine
@@ -66,7 +66,7 @@ def contradictions(read: Read) -> Iterator[Problem]:
         try:
             key_there = key_of(item, plant, run, read("estimator"))
             item.marginal(key_there)
-        except Wrong as error:
+        except InvalidValue as error:
             yield f"{here}.{error.key}", str(error)
             continue
         except AmbkitError as error:
@@ -155,7 +155,7 @@ def _how_many(read: Read) -> Iterator[Problem]:
 
 
 def _recorded(read: Read, plant: Any) -> Iterator[Problem]:
-    from ambkit.campaigns.study_tables import Passes, Recorded, limit_of, traces_of
+    from ambkit.campaigns.study_tables import Criteria, Recorded, limit_of, traces_of
     from ambkit.simulation.scenario import Scenario
 
     record, passes = read("record"), read("passes")
@@ -167,7 +167,7 @@ def _recorded(read: Read, plant: Any) -> Iterator[Problem]:
                 yield f"record.traces.{at}", f"there is no signal {name}; known: {known}"
         if isinstance(scenario, Scenario) and record.settling >= scenario.duration:
             yield "record.settling", "must be less than the duration of a run"
-    if isinstance(passes, Passes):
+    if isinstance(passes, Criteria):
         for name, limit in passes.at_most.items():
             try:
                 limit_of(name, limit)

@@ -57,7 +57,7 @@ class Recorded(Part):
     """Share of the clearance within which a rotor has recovered from a disturbance."""
 
 
-class Passes(Part):
+class Criteria(Part):
     """Criteria of a good machine."""
 
     zone: Literal["A", "B", "C"] | None = None

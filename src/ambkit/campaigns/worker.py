@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array, Complex
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread, rare_collections
-from ambkit.campaigns.distributions import OneOf
+from ambkit.campaigns.distributions import ChoiceMarginal
 from ambkit.campaigns.plan import Drawn, Plan
 from ambkit.campaigns.study_tables import ZONES, limit_of
 from ambkit.control.linear.linear_controller import compensator, controller
@@ -26,10 +26,10 @@ from ambkit.control.linear.linear_plant import OperatingPoint, alike, plants
 from ambkit.control.linear.steady_state_filter import estimator_at, estimators_at, tells
 from ambkit.estimate.batch import processors
 from ambkit.estimate.estimator import Estimator
-from ambkit.judge.loop.loop_of import LoopOf, zone_of
+from ambkit.judge.loop.loop_builder import LoopBuilder, zone_of
 from ambkit.judge.loop.margins import peaks_by_poles
 from ambkit.machine.magnets import ConstantStiffness
-from ambkit.machine.rotors.modes import end_of_range
+from ambkit.machine.rotors.modes import max_frequency
 from ambkit.models.linear import LinearSystem
 from ambkit.simulation.many import Many, simulate_many
 from ambkit.simulation.planned import Planned
@@ -88,7 +88,9 @@ def compute(
     results = fly(plan, points, noise, first, traced=traced_runs, threads=threads, done=done)
     columns: dict[str, Any] = {"run": np.arange(first, stop)}
     for name, of, column in zip(plan.names, plan.marginals, points.T, strict=True):
-        columns[name] = [of.values[int(at)] for at in column] if isinstance(of, OneOf) else column
+        columns[name] = (
+            [of.values[int(at)] for at in column] if isinstance(of, ChoiceMarginal) else column
+        )
     columns |= results.columns
     runs = table(plan, columns)
     return Rows(runs, traces_table(plan, results.traces) if every else None)
@@ -179,7 +181,7 @@ def schema(plan: Plan) -> pa.Schema:
 
     fields = [("run", pa.int64(), "")]
     for name, of, key in zip(plan.names, plan.marginals, plan.keys, strict=True):
-        words = isinstance(of, OneOf) and not key.unit
+        words = isinstance(of, ChoiceMarginal) and not key.unit
         fields.append((name, pa.string() if words else pa.float64(), key.unit))
     fields += [(name, pa.float64(), figure.unit) for name, figure in FIGURES.items()]
     fields += [(f"samples_{name}", pa.int64(), "1") for name in FLAGS]
@@ -275,7 +277,7 @@ def peak_of(run: Planned) -> float:
     if fed is not None and not tells(fed):
         return math.nan
     try:
-        of = LoopOf(run.machine, run.scenario.controller, law=run.controllers)
+        of = LoopBuilder(run.machine, run.scenario.controller, law=run.controllers)
     except AmbkitError:  # no stabilising controller
         return math.inf
     return of.peak(fed)
@@ -295,7 +297,7 @@ def _highest(runs: Sequence[Planned], points: Sequence[OperatingPoint]) -> Array
     if stable.any():
         machine = runs[0].machine
         T = machine.sampling_time
-        top = end_of_range(T, machine.speed)
+        top = max_frequency(T, machine.speed)
         result[stable] = peaks_by_poles(opened[stable], closed[stable], T, top)
     return result
 

@@ -80,7 +80,7 @@ def sensitivities(machine: Machine, *, estimated: bool) -> Sensitivities | None:
 def shown_along_axes(machine: Machine) -> Array:
     """Return the displacements along the axes (p, m), by the readings."""
     # From the rigid-body motion that fits all readings best.
-    positions = machine.rigid_positions
+    positions = machine.rigid_coordinates
     H = geometry.matrix([axis.line for axis in machine.axes], positions)
     C = geometry.matrix([r.line for r in machine.readings], positions)
     gains = np.array([r.sensor.gain for r in machine.readings])

@@ -21,10 +21,10 @@ from ambkit.control.linear.linear_controller import compensator, controllers, fe
 from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.control.pid import GAINS, PID
-from ambkit.control.stabilising_controller import ENOUGH, two_digits, weight_of
+from ambkit.control.stabilising_controller import ENOUGH, round_to_two_digits, weight_of
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.machine import Machine
-from ambkit.machine.rotors.modes import end_of_range
+from ambkit.machine.rotors.modes import max_frequency
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.plant import Plant
 
@@ -223,7 +223,7 @@ class _AtSpeed:
         m = len(self.machine.readings)
         K = compensator(control, inner, control_law.shown, system.outputs[:m])
         loop = Loop(system, K, m, self.shown, self.added)
-        return highest_sensitivity(loop, end_of_range(loop.T, self.machine.speed))
+        return highest_sensitivity(loop, max_frequency(loop.T, self.machine.speed))
 
 
 def highest_sensitivity(loop: Loop, top: float) -> float:
@@ -249,9 +249,10 @@ def _changed(pid: PID, isolated: Machine | None, shares: tuple[float, ...]) -> P
     """Return a PID with shares of kp, ki, kd and derivative filter; of an axis its weight too."""
     keys = ("kp", "ki", "kd", "derivative_filter")
     gains = {
-        key: two_digits(share * getattr(pid, key)) for key, share in zip(keys, shares, strict=True)
+        key: round_to_two_digits(share * getattr(pid, key))
+        for key, share in zip(keys, shares, strict=True)
     }
     if isolated is not None:
         weight = weight_of(isolated, gains["kp"], gains["ki"], gains["kd"])
-        gains["setpoint_weight"] = two_digits(weight)
+        gains["setpoint_weight"] = round_to_two_digits(weight)
     return PID.model_validate(gains | {"anti_windup": pid.anti_windup})

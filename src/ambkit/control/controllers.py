@@ -266,7 +266,7 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
     """One PID for each rigid-body coordinate, tuned to its mass or inertia and stiffness."""
     # Each is scaled to metres at the radius of the magnets, and to amperes of an axis that would
     # hold the coordinate alone.
-    masses = dict(zip(plant.machine.rigid_positions, plant.machine.masses, strict=False))
+    masses = dict(zip(plant.machine.rigid_coordinates, plant.machine.masses, strict=False))
     stated = _stated(control, list(masses))
     k = [ConstantStiffness.of(isolated) for isolated in plant.isolated]
     k_i, k_s = np.array([item.k_i for item in k]), np.array([item.k_s for item in k])
@@ -332,7 +332,7 @@ def _rows(estimator: Estimator, sensor_rows: Array) -> dict[str, Array]:
 def _rigid(plant: Plant) -> Array:
     """Return displacements along the axes by the rigid-body coordinates (p, q)."""
     lines = [axis.line for axis in plant.machine.axes]
-    return np.asarray(geometry.matrix(lines, plant.machine.rigid_positions))
+    return np.asarray(geometry.matrix(lines, plant.machine.rigid_coordinates))
 
 
 def _places(estimator: Estimator, role: str) -> list[int]:
@@ -348,7 +348,7 @@ def _currents(plant: Plant) -> Array:
 def _against_gyroscopics(plant: Plant, estimator: Estimator) -> Array:
     """Return the currents (p, n) that cancel the gyroscopic torques, per rad/s."""
     machine = plant.machine
-    q, n = len(machine.rigid_positions), len(machine.positions)
+    q, n = len(machine.rigid_coordinates), len(machine.positions)
     torques = -machine.masses[:q, None] * plant.model.spin[n : n + q, n : n + q]  # on the rotor
     gain = np.zeros((len(plant.isolated), len(estimator.states)))
     gain[:, _places(estimator, "velocity")] = _currents(plant) @ torques

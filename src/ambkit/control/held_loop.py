@@ -39,7 +39,7 @@ class Gains(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Holding:
+class Stabilisation:
     """Controllers of a machine's axes, and the poles of the loop with them."""
 
     pids: tuple[Gains, ...]  #: Of each axis.
@@ -107,12 +107,12 @@ class HeldLoop:
         self.own = machine.bending
         self.slowest = math.inf if self.own is None else 0.7 * float(self.own.frequency[0])
 
-    def with_(self, pids: tuple[Gains, ...]) -> Holding:
+    def with_(self, pids: tuple[Gains, ...]) -> Stabilisation:
         """Return the loop with controllers."""
         z = self._loop(pids).closed.poles().astype(complex)
         poles = np.log(z[np.abs(z) > math.exp(-3)]) / self.T  # what is gone at once is no motion
         springs = np.array([pid.kp for pid in pids]) * self.k_i / self.k_s - 1
-        return Holding(pids, poles, min(self._score(poles), float(springs.min()) / STIFF))
+        return Stabilisation(pids, poles, min(self._score(poles), float(springs.min()) / STIFF))
 
     def overshoot(self, pids: tuple[Gains, ...]) -> float:
         """Return how far an axis goes beyond a step of its reference, of all axes the most [1]."""

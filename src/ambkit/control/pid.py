@@ -16,7 +16,7 @@ from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.text_types import Name
 from ambkit.control.blocks import AnyBlock
 from ambkit.control.held_loop import Gains
-from ambkit.control.stabilising_controller import chosen, textbook, two_digits, weight_of
+from ambkit.control.stabilising_controller import chosen, round_to_two_digits, textbook, weight_of
 from ambkit.machine.axes import axis_of
 from ambkit.machine.machine import Machine
 
@@ -185,7 +185,7 @@ def overlaid(pid: Any, overrides: PID, machine: Machine) -> Any:
     all_, changed = vars(pid) | stated, {*stated, "setpoint_weight"}
     if stated.keys() & {"kp", "ki", "kd"} and "setpoint_weight" not in stated:
         weight = weight_of(machine, all_["kp"], all_["ki"], all_["kd"])
-        all_["setpoint_weight"] = two_digits(weight)
+        all_["setpoint_weight"] = round_to_two_digits(weight)
     return pid.model_copy(update={name: all_[name] for name in changed})
 
 

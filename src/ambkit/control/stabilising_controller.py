@@ -17,7 +17,7 @@ from ambkit.base.arrays import Array, Complex
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
 from ambkit.control.axis_sensitivity import Sensitivities, sensitivities
-from ambkit.control.held_loop import Gains, HeldLoop, Holding, overshoot
+from ambkit.control.held_loop import Gains, HeldLoop, Stabilisation, overshoot
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_controller import compensator, controller
 from ambkit.control.linear.linear_plant import OperatingPoint, plant
@@ -105,7 +105,7 @@ def weight_of(machine: Machine, kp: float, ki: float, kd: float) -> float:
     return float(min(1.0, ki / (kp * np.abs(real).min())))
 
 
-def two_digits(value: float) -> float:
+def round_to_two_digits(value: float) -> float:
     """Return a gain as it is written down: more of it nobody could tell."""
     return float(f"{value:.2g}")
 
@@ -114,10 +114,12 @@ def _gains(machine: Machine, ratio: float, damping: float) -> Gains:
     k_i, k_s = ConstantStiffness.of(machine).k_i, typical_stiffness(machine)
     m = machine.rotor.mass
     w = math.sqrt((ratio - 1) * k_s / m)
-    kp = two_digits(ratio * k_s / k_i)
-    ki, kd = two_digits(kp * w / 31), two_digits(2 * damping * m * w / k_i)
-    weight = two_digits(weight_of(machine, kp, ki, kd))
-    return Gains(kp, ki, kd, two_digits(1 / (24 * w)), two_digits(5.2 / w), weight)
+    kp = round_to_two_digits(ratio * k_s / k_i)
+    ki, kd = round_to_two_digits(kp * w / 31), round_to_two_digits(2 * damping * m * w / k_i)
+    weight = round_to_two_digits(weight_of(machine, kp, ki, kd))
+    return Gains(
+        kp, ki, kd, round_to_two_digits(1 / (24 * w)), round_to_two_digits(5.2 / w), weight
+    )
 
 
 def _estimator(machine: Machine, at: OperatingPoint) -> LinearSystem | None:
@@ -164,7 +166,7 @@ def _loops(
 
 def holding(
     machine: Machine, feedback: Literal["measurement", "estimate"] = "measurement"
-) -> Holding:
+) -> Stabilisation:
     """Return controllers for a machine, each axis with its own."""
     # Each is tuned to its axis alone, see `chosen`. Where that shakes a bending mode, by
     # the loop's delay or a sensor on the other side of a node, softer gains and slower derivatives
@@ -178,14 +180,14 @@ def holding(
 
 @lru_cache(maxsize=64)
 @one_thread()
-def _held(machine: Machine, feedback: Literal["measurement", "estimate"]) -> Holding:
+def _held(machine: Machine, feedback: Literal["measurement", "estimate"]) -> Stabilisation:
     usual = tuple(map(chosen, isolated_axes(machine)))
     search = _Search(machine, usual, feedback)
-    result = Holding(usual, np.zeros(0, complex), 1.0)
+    result = Stabilisation(usual, np.zeros(0, complex), 1.0)
     if machine.rotor.type == "mass":  # an axis alone is all there is
         return result
     if machine.bending is not None:
-        result = search.most_damped()
+        result = search.max_damping()
     margins = sensitivities(machine, estimated=feedback == "estimate")
     if margins is None or not result.held:
         return search.weighted(result)
@@ -211,7 +213,7 @@ class _Search:
         """Return controllers with these shares of gains and filter."""
         return tuple(_changed(pid, p, d, f) for pid in pids)
 
-    def most_damped(self) -> Holding:
+    def max_damping(self) -> Stabilisation:
         """Return those that leave most damping."""
         best = self.loop.with_(self.usual)
         if best.score >= 1:
@@ -226,7 +228,7 @@ class _Search:
                 best = trial if trial.score > best.score else best
         return best
 
-    def on_margins(self, result: Holding, margins: Sensitivities) -> Holding:
+    def on_margins(self, result: Stabilisation, margins: Sensitivities) -> Stabilisation:
         """Return the stiffest whose peaks of abs(S) are at most `PEAK`, or those of the lowest."""
         best, lowest = result, float(margins.peaks(result.pids).max())
         near: Array = np.zeros(3)
@@ -239,7 +241,7 @@ class _Search:
                     return best
         return self._refined(best, near, margins) if best is not result else best
 
-    def _refined(self, best: Holding, near: Array, margins: Sensitivities) -> Holding:
+    def _refined(self, best: Stabilisation, near: Array, margins: Sensitivities) -> Stabilisation:
         """Look for a lower peak beside what was tried: of all axes alike, then of each bearing."""
         # By the simplex of Nelder and Mead, in the logarithms of the shares.
         names = list(dict.fromkeys(axis.bearing.name for axis in self.machine.axes))
@@ -293,7 +295,7 @@ class _Search:
         parts = zip(self.usual, shares, strict=True)
         return tuple(_changed(pid, *map(float, share)) for pid, share in parts)
 
-    def weighted(self, result: Holding) -> Holding:
+    def weighted(self, result: Stabilisation) -> Stabilisation:
         """Return controllers that were changed with the weight of the reference of their gains."""
         if result.pids is self.usual:
             return result
@@ -303,7 +305,7 @@ class _Search:
         )
         return replace(result, pids=pids)
 
-    def calm(self, result: Holding) -> Holding:
+    def calm(self, result: Stabilisation) -> Stabilisation:
         """Return the same with less of the references to kp, where a step overshoots by much."""
         pids = result.pids
         for share in WEIGHTS:

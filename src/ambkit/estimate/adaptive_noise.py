@@ -90,7 +90,7 @@ class AdaptiveNoise(Estimator):
                 f"{inner.name}: its noise cannot be estimated online: the gain is constant"
             )
         self.inner = inner
-        self.smooths = inner.smooths
+        self.can_smooth = inner.can_smooth
         self.machine = inner.machine
         self.view, self.magnet = inner.view, inner.magnet
         self.variances, self.precision = inner.variances, inner.precision

@@ -21,7 +21,7 @@ class AlongRecords(Stepping):
     """An estimator along a whole record."""
 
     inputs: Any
-    smooths: bool
+    can_smooth: bool
 
     def run(self, record: Record, *, covariance: bool = False) -> Estimate:
         """Run along a complete record, starting at its first measurement within the clearance.
@@ -122,7 +122,7 @@ class AlongRecords(Stepping):
         RecordError
             The record's sampling time is not that of the machine.
         """
-        if not self.smooths:
+        if not self.can_smooth:
             raise ValueError(
                 f"{self.name}: cannot be smoothed; the linear, adaptive, extended and UD "
                 "Kalman filters can"

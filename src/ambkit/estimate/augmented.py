@@ -12,7 +12,7 @@ from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.observer import unstable_pole
-from ambkit.machine.axes import bias_forces_of, laws_of
+from ambkit.machine.axes import bias_forces, ideal_laws
 from ambkit.machine.magnets import MagnetModel
 
 if TYPE_CHECKING:
@@ -80,9 +80,9 @@ class AugmentedKalmanFilter(Estimator):
             raise ValueError(f"wander must be 0 1/s or more, got {wander!r}")
         if not (0 < least <= 1 <= most < math.inf):
             raise ValueError(f"limits must be 0 < least <= 1 <= most, got {least!r}, {most!r}")
-        magnet = magnet or laws_of(machine)
+        magnet = magnet or ideal_laws(machine)
         self._own: dict[str, Any] = {
-            "bias": bias_forces_of(magnet, machine),
+            "bias": bias_forces(magnet, machine),
             "std": scale_std,
             "var_k": wander * machine.sampling_time,
             "min": least,
@@ -148,10 +148,10 @@ class MultipleModelFilter(Estimator):
         if not (math.isfinite(sojourn) and sojourn >= 2 * T):
             raise ValueError(f"sojourn must be two samples or more [s], got {sojourn!r}")
         self.scales = tuple(float(s) for s in scales)
-        magnet = magnet or laws_of(machine)
+        magnet = magnet or ideal_laws(machine)
         self._own: dict[str, Any] = {
             "leave": T / sojourn,
-            "bias": bias_forces_of(magnet, machine),
+            "bias": bias_forces(magnet, machine),
             **_learning(machine, excitation),
         }
         super().__init__(machine, magnet, **options)

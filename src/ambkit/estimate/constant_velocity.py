@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from ambkit.base.arrays import Array
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.machine.axes import bank_of, isolated_axes
+from ambkit.machine.axes import force_laws, isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel, own_time
 from ambkit.machine.parts import GRAVITY
@@ -34,7 +34,7 @@ def usual_acceleration(machine: Machine) -> float:
 
 def no_force_of(machine: Machine) -> MagnetModel:
     """Return magnets without force."""
-    return bank_of([ConstantStiffness(0.0, 0.0)] * len(machine.axes), machine)
+    return force_laws([ConstantStiffness(0.0, 0.0)] * len(machine.axes), machine)
 
 
 class ConstantVelocity(KalmanFilter):
@@ -67,7 +67,7 @@ class ConstantVelocity(KalmanFilter):
     """
 
     name = "constant-velocity Kalman filter"
-    estimates_noise = False
+    has_noise_estimate = False
     by_model = False
     predicts = "constant velocity, and white acceleration"
 

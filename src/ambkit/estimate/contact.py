@@ -12,7 +12,7 @@ from ambkit.data.record import Record
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimator import Estimator
-from ambkit.machine.axes import laws_of
+from ambkit.machine.axes import ideal_laws
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 
@@ -63,7 +63,7 @@ class ContactKalmanFilter(Estimator):
         if not (math.isfinite(scatter) and scatter >= 0):
             raise ValueError(f"scatter must be 0 or more, got {scatter!r}")
         self._scatter = scatter
-        super().__init__(machine, magnet or laws_of(machine), **options)
+        super().__init__(machine, magnet or ideal_laws(machine), **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         T, dtype = self.machine.sampling_time, self.precision

@@ -87,7 +87,7 @@ class Engine:
         self.states, self.noises = tuple(plan.states), tuple(plan.noises)
         self.built_in = self._built_in(plan)
         self.core: ModuleType = core_module(precision, any_model=not self.built_in)
-        check_room(self.core, plan, machine.name)
+        check_size(self.core, plan, machine.name)
         if self.built_in:
             sensor = machine.sensor
             self.model_of_core: Any = self.core.Model(
@@ -206,7 +206,7 @@ def _plan(
     return plan
 
 
-def check_room(core: ModuleType, plan: Plan, name: str) -> None:
+def check_size(core: ModuleType, plan: Plan, name: str) -> None:
     """Raise ValueError if a model is too large for the core."""
     if not hasattr(core, "MOST_STATES"):
         return

@@ -129,7 +129,7 @@ class Estimate(Shown, frames.Framed):
         """Lagged position [m], (n,)."""
         return self["x_m"]
 
-    def of_role(self, role: str) -> tuple[str, ...]:
+    def states_with_role(self, role: str) -> tuple[str, ...]:
         """Return the names of the states of a role.
 
         Parameters
@@ -145,7 +145,7 @@ class Estimate(Shown, frames.Framed):
 
         None if they are not states.
         """
-        names = self.of_role("noise")
+        names = self.states_with_role("noise")
         return np.asarray(sum(self[name] for name in names)) if names else None
 
     @property

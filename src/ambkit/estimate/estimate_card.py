@@ -31,7 +31,7 @@ def estimate_figure(estimate: Any) -> Figure:
     panels = []
     for role, axis in AXES.items():
         items: list[Item] = []
-        names = estimate.of_role(role)
+        names = estimate.states_with_role(role)
         for place, name in enumerate(names):
             style = f"series {1 + place % 4}" if len(names) > 1 else "estimate"
             if estimate.covariance is not None:

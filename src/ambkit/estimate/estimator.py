@@ -18,7 +18,7 @@ from ambkit.estimate.core_model import Engine
 from ambkit.estimate.linear_model import LinearModel
 from ambkit.estimate.machine_model import View
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.machine.axes import bank_of, constants_of
+from ambkit.machine.axes import constant_stiffness, force_laws
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision
 from ambkit.models.declaration import Part
@@ -82,12 +82,12 @@ class Estimator(AlongRecords, Described, Copyable):
     origin: Mapping[str, str] = MappingProxyType({})
     """Where a number came from, by its key in a filter's file."""
     _of_core: tuple[str, ...] = ("core", "engine", "_core_step", "_live_mean")
-    estimates_noise = True  # whether sensor noise with a memory is among its states
+    has_noise_estimate = True  # whether sensor noise with a memory is among its states
     side_by_side = True  # whether parallel runs can share it
     several_axes = True  # whether it supports several axes
     by_model = True  # whether it predicts by the machine's model
     predicts = "force held, all else exact"  # description of its prediction for the export's README
-    smooths = False  # whether mean and covariance follow the smoother's model
+    can_smooth = False  # whether mean and covariance follow the smoother's model
     #: Basis of its steady-state gain: a Riccati equation with the stiffnesses through the origin,
     #: or with the tangents; or the gain is constant. None: there is no steady state.
     steady: Literal["through_origin", "tangent", "constant"] | None = None
@@ -121,10 +121,10 @@ class Estimator(AlongRecords, Described, Copyable):
         of_type(FilterNoise, noise=noise)
         self.machine: Any = machine
         self.view = View(machine)
-        self.magnet = constants_of(machine) if magnet is None else bank_of(magnet, machine)
+        self.magnet = constant_stiffness(machine) if magnet is None else force_laws(magnet, machine)
         self.precision = precision
         self.engine = Engine(
-            machine, precision, as_printed=as_printed, noise=self.estimates_noise,
+            machine, precision, as_printed=as_printed, noise=self.has_noise_estimate,
             synchronous=synchronous, parts=self._parts,
         )  # fmt: skip
         self.variances: Any = self.view.variances(noise)

@@ -50,11 +50,11 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import in_si
 from ambkit.data.input_scaling import Inputs
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.filter_parts import Assumed, PlantOf, Reference
+from ambkit.estimate.filter_parts import NoiseSettings, PlantOf, Reference
 from ambkit.estimate.machine_model import View
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.estimate.registry import KINDS, Kind, kind_called, learned_magnet
-from ambkit.machine.axes import bank_of, isolated_axes
+from ambkit.estimate.registry import KINDS, FilterKind, get_kind, learned_magnet
+from ambkit.machine.axes import force_laws, isolated_axes
 from ambkit.machine.forces.force_map import surface_in
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision
@@ -89,7 +89,7 @@ class FilterFile(Document):
     """Consecutive outliers after which the filter restarts; 0: never."""
     as_printed: bool = False
     """Whether to use eq. 19 as printed."""
-    noise: Assumed = Assumed()
+    noise: NoiseSettings = NoiseSettings()
     """Assumed noise."""
     options: dict[Name, float | Line | tuple[float, ...]] = Field(default_factory=dict)
     """Options of the kind, such as memory or bandwidth, with units."""
@@ -164,7 +164,7 @@ class FilterFile(Document):
                 axis.bearing.name: magnet_in(self.magnets[axis.bearing.name].file, isolated)
                 for axis, isolated in zip(self.plant.axes, isolated_axes(self.plant), strict=True)
             }
-            return bank_of([parts[axis.bearing.name] for axis in self.plant.axes], self.plant)
+            return force_laws([parts[axis.bearing.name] for axis in self.plant.axes], self.plant)
         if self.magnet is None:
             return learned_magnet(self.kind, self.plant)
         return magnet_in(self.magnet.file, self.plant)
@@ -235,7 +235,7 @@ def _of_options(kind: Any, options: Any) -> Iterator[tuple[str, str]]:
     if not isinstance(kind, str):
         return
     try:
-        known = kind_called(kind).option_units
+        known = get_kind(kind).option_units
     except AmbkitError as error:
         yield "kind", str(error)
         return
@@ -253,7 +253,7 @@ def _of_options(kind: Any, options: Any) -> Iterator[tuple[str, str]]:
 
 
 def _out_of_range(
-    machine: Machine, kind: Kind, options: Mapping[str, Any]
+    machine: Machine, kind: FilterKind, options: Mapping[str, Any]
 ) -> Iterator[tuple[str, str]]:
     """Yield an option that its kind refuses, with the reason."""
     try:
@@ -289,7 +289,7 @@ def _contradictions_of(view: View, read: Read) -> Iterator[tuple[str, str]]:
     ):
         yield "inputs.u.unit", "makes u a quantity in A, it is one in V"
     noise = read("noise")
-    if isinstance(noise, Assumed):
+    if isinstance(noise, NoiseSettings):
         yield from view.count_of(FilterNoise(**noise.model_dump()))
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Self
 
 from ambkit.base import files
 from ambkit.base.config import Part, Read
-from ambkit.base.config.quantities import OneOrEach
+from ambkit.base.config.quantities import ScalarOrList
 from ambkit.base.config.text_types import FilePath, Line, Name
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import presets
@@ -73,24 +73,24 @@ class PlantOf(Part):
             yield "file" if file else "preset", str(error)
 
 
-class Assumed(Part):
+class NoiseSettings(Part):
     """Variances assumed by a filter; by default the machine's."""
 
     # With several axes one number is for all readings or axes, a list has one for each.
 
     measurement: (
-        Annotated[float | tuple[float, ...], OneOrEach("m^2", "225 µm^2", at_least=0)] | None
+        Annotated[float | tuple[float, ...], ScalarOrList("m^2", "225 µm^2", at_least=0)] | None
     ) = None
     """R, of the measured position [m^2]."""
     control: (
         Annotated[
-            float | tuple[float, ...], OneOrEach("V^2", "100 mV^2", at_least=0, also=("A^2",))
+            float | tuple[float, ...], ScalarOrList("V^2", "100 mV^2", at_least=0, also=("A^2",))
         ]
         | None
     ) = None
     """Of the control signal [V^2], or [A^2] where that is a current."""
     disturbance: (
-        Annotated[float | tuple[float, ...], OneOrEach("N^2/s", "77 N^2/s", at_least=0)] | None
+        Annotated[float | tuple[float, ...], ScalarOrList("N^2/s", "77 N^2/s", at_least=0)] | None
     ) = None
     """Q: process noise intensity of the disturbance force [N^2/s]."""
 

@@ -15,11 +15,11 @@ from ambkit.base.config.quantities import InOther
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_file import FilterFile, written
-from ambkit.estimate.filter_parts import Assumed, PlantOf, Reference
+from ambkit.estimate.filter_parts import NoiseSettings, PlantOf, Reference
 from ambkit.estimate.noise_model import UNITS
 from ambkit.estimate.registry import KINDS, kind_of, learned_magnet
 from ambkit.machine import presets
-from ambkit.machine.axes import Bank
+from ambkit.machine.axes import ForceLaws
 from ambkit.machine.forces.patches import PatchedForce
 from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Machine
@@ -69,7 +69,7 @@ def in_memory(filter: Estimator) -> FilterFile:
     return result
 
 
-def _assumed(filter: Estimator) -> Assumed:
+def _assumed(filter: Estimator) -> NoiseSettings:
     """Return the assumed noise, that of a control signal in the signal's unit."""
     results = {name: getattr(filter.variances, name) for name in UNITS}
     for name, own in results.items():
@@ -80,7 +80,7 @@ def _assumed(filter: Estimator) -> Assumed:
         parts = control_noise if isinstance(control_noise, tuple) else (control_noise,)
         variances = tuple(InOther.of(value, "A^2") for value in parts)
         results["control"] = variances if isinstance(control_noise, tuple) else variances[0]
-    return Assumed(**results)
+    return NoiseSettings(**results)
 
 
 def made_by(command: str, what: str) -> str:
@@ -93,7 +93,7 @@ def origin_of(values: Iterable[str], origin: str) -> dict[str, str]:
     return {name if "." in name else f"options.{name}": origin for name in values}
 
 
-class NoFile(AmbkitError):
+class NotSaveable(AmbkitError):
     """The magnet model of a filter has no file format."""
 
 
@@ -118,7 +118,7 @@ def save(
     magnet_files: str | os.PathLike[str] | Mapping[str, Path] | None = magnet
     if magnet is not None and not single:  # one file for all bearings
         magnet_files = dict.fromkeys((item.name for item in filter.machine.bearings), Path(magnet))
-    if magnet is None and not _asks_its_own(filter):
+    if magnet is None and not _has_custom_force_law(filter):
         magnet_files = (
             _written_beside(path, filter.magnet) if single
             else _each_beside(path, filter.machine, filter.magnet)
@@ -133,7 +133,7 @@ def preset_of(known: Machine) -> str | None:
     return known.name if unit_matches else None
 
 
-def _asks_its_own(filter: Estimator) -> bool:
+def _has_custom_force_law(filter: Estimator) -> bool:
     """Return whether a filter has the default magnet model of its kind."""
     kind = kind_of(filter)
     if KINDS[kind].magnet is None and kind != "table":
@@ -161,11 +161,13 @@ def _alike(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
 
 def _each_beside(path: Path, machine: Machine, magnet: MagnetModel) -> dict[str, Path]:
     """Write the magnet models of a machine's filter beside its file: for each bearing, by name."""
-    assert isinstance(magnet, Bank)
+    assert isinstance(magnet, ForceLaws)
     parts: dict[str, MagnetModel] = {}
     for axis, model in zip(machine.axes, magnet.models, strict=True):
         if parts.setdefault(axis.bearing.name, model) is not model:
-            raise NoFile(f"{path}: the axes of bearing {axis.bearing.name} know it by two magnets")
+            raise NotSaveable(
+                f"{path}: the axes of bearing {axis.bearing.name} know it by two magnets"
+            )
     return {
         name: _written_beside(path.with_suffix(f".{name}{path.suffix}"), model)
         for name, model in parts.items()
@@ -182,7 +184,7 @@ def _written_beside(path: Path, magnet: MagnetModel) -> Path:
     if isinstance(magnet, PatchedForce):
         magnet.points.save(beside := path.with_suffix(".forces.csv"))
         return beside
-    raise NoFile(
+    raise NotSaveable(
         f"{path}: this filter knows its magnet by a {type(magnet).__name__} that is not its "
         "bearing's own, and there is no file of such; save a filter with an expert or a force map"
     )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimator import Estimator
-from ambkit.machine.axes import laws_of
+from ambkit.machine.axes import ideal_laws
 from ambkit.machine.magnets import MagnetModel
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class KalmanFilter(Estimator):
 
     name = "linear Kalman filter"
     steady = "through_origin"
-    smooths = True
+    can_smooth = True
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         return engine.core.Kalman(magnet, engine.model_of_core, **settings)
@@ -84,10 +84,10 @@ class ExtendedKalmanFilter(Estimator):
 
     name = "extended Kalman filter"
     steady = "tangent"
-    smooths = True
+    can_smooth = True
 
     def __init__(self, machine: Machine, magnet: MagnetModel | None = None, **options: Any) -> None:
-        super().__init__(machine, magnet or laws_of(machine), **options)
+        super().__init__(machine, magnet or ideal_laws(machine), **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         return engine.core.Extended(magnet, engine.model_of_core, **settings)

@@ -47,7 +47,7 @@ class LowPass(Estimator):
     steady = "constant"
     by_model = False
     predicts = "no model: exponential averages"
-    estimates_noise = False
+    has_noise_estimate = False
     several_axes = False
 
     def __init__(

@@ -17,7 +17,7 @@ from ambkit.data.signals import signal
 from ambkit.estimate.core_model import VAGUE
 from ambkit.estimate.noise_model import FilterNoise, Variances, check_variances
 from ambkit.machine import geometry
-from ambkit.machine.axes import bias_forces_of, isolated_axes, models_of, weights_of
+from ambkit.machine.axes import bias_forces, isolated_axes, models_of, weights_of
 from ambkit.machine.loading import levitation_current
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel, core_module, typical_stiffness
@@ -35,7 +35,7 @@ class View:
         self.H = geometry.matrix([axis.line for axis in machine.axes], positions)
         self.C = geometry.matrix([r.line for r in machine.readings], positions)
         self.gains = np.array([r.sensor.gain for r in machine.readings])
-        self.rigid = len(machine.rigid_positions)
+        self.rigid = len(machine.rigid_coordinates)
 
     @property
     def speed(self) -> float | None:
@@ -247,7 +247,7 @@ class View:
     def known_forces(self, magnet: Any, *, weight: bool) -> list[float]:
         """Return the known forces along the axes [N]."""
         weights = weights_of(self.machine) if weight else [0.0] * len(self.isolated)
-        bias = bias_forces_of(magnet, self.machine)
+        bias = bias_forces(magnet, self.machine)
         return [w + b for w, b in zip(weights, bias, strict=True)]
 
     def levitation_current(self, magnet: Any, states: Sequence[Descriptor]) -> Any:

@@ -20,7 +20,7 @@ from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, check_named, learned_magnet
 from ambkit.estimate.user_filter import OwnEstimator, is_own, own_factory
 from ambkit.fuzzy.expert import Expert
-from ambkit.machine.axes import bank_of, isolated_axes
+from ambkit.machine.axes import force_laws, isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision
 
@@ -42,7 +42,7 @@ def experts(path: Path, machine: Machine) -> MagnetModel:
         logging.getLogger("ambkit").warning(
             "%s: was trained for %s, not for %s", path, magnet.source, axes[0].name
         )
-    return bank_of([magnet] * len(axes), machine)
+    return force_laws([magnet] * len(axes), machine)
 
 
 AT = "@"

@@ -142,7 +142,7 @@ class ExtendedStateObserver(_Observer):
     """
 
     name = "extended state observer"
-    estimates_noise = False
+    has_noise_estimate = False
 
     def __init__(
         self,

@@ -19,13 +19,13 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import MARK
 from ambkit.estimate import DEFAULT
 from ambkit.estimate.estimator import Estimator
-from ambkit.machine.axes import Bank, bank_of, constants_of, laws_of
+from ambkit.machine.axes import ForceLaws, constant_stiffness, force_laws, ideal_laws
 from ambkit.machine.force_law import MagnetModel
 from ambkit.machine.machine import Machine
 
 
 @dataclass(frozen=True)
-class InCore:
+class CoreKernel:
     """A kind in the core (``ambkit/estimator.h``)."""
 
     binding: str  #: Class of ``ambkit._core``; in C the same with underscores.
@@ -68,19 +68,19 @@ class InCore:
         return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", self.binding).lower()
 
 
-PAPER = InCore("Kalman", has_own=False)
+PAPER = CoreKernel("Kalman", has_own=False)
 """The paper's filter, linear or adaptive depending on its magnet; its own step is faster."""
 
-_OBSERVER = InCore("Observer")
-_EXTENDED = InCore("Extended", has_own=False)
-_ADAPTIVE_NOISE = InCore("AdaptiveNoise", has_state=True, base="inner.base.")
+_OBSERVER = CoreKernel("Observer")
+_EXTENDED = CoreKernel("Extended", has_own=False)
+_ADAPTIVE_NOISE = CoreKernel("AdaptiveNoise", has_state=True, base="inner.base.")
 
 
 @dataclass(frozen=True)
 class Tunable:
     """A positive parameter with a tuning range."""
 
-    #: Argument of :meth:`Kind.make`, or ``noise.measurement``, ``noise.control``,
+    #: Argument of :meth:`FilterKind.make`, or ``noise.measurement``, ``noise.control``,
     #: ``noise.disturbance`` for the variances of :class:`ambkit.FilterNoise`.
     name: str
     unit: str  #: Unit of the argument.
@@ -108,18 +108,18 @@ NOISE = (
 
 
 @dataclass(frozen=True)
-class Kind:
+class FilterKind:
     """A kind of estimator."""
 
     name: str  #: Name in the commands.
     label: str  #: Label for reports.
     of: str  #: Its class, by module and name in ``ambkit.estimate``.
-    core: InCore  #: Its interface in the core.
+    core: CoreKernel  #: Its interface in the core.
     #: Its magnet model; None if the caller provides it, as a trained expert or a table.
     magnet: Callable[[Any], MagnetModel] | None
     tunable: tuple[Tunable, ...] = NOISE  #: Parameters that tuning may change.
     #: Options of the surrounding :class:`ambkit.AdaptiveNoise`, if there is one.
-    finds_noise: Mapping[str, Any] | None = None
+    adaptive_noise: Mapping[str, Any] | None = None
     ratios: tuple[str, ...] = ()  #: Dimensionless options that are not tuned.
     given: str = ""  #: Class of magnet that distinguishes it from others of its class.
     magnet_tolerance: float = 0.0  #: Tolerance of the magnet constant that its covariance includes.
@@ -131,12 +131,12 @@ class Kind:
         if magnet is None and self.magnet is not None:
             magnet = self.magnet(machine)
         of: Any = self.estimator
-        if self.finds_noise is None:
+        if self.adaptive_noise is None:
             return of(machine, magnet, **options)  # type: ignore[no-any-return]
         from ambkit.estimate.adaptive_noise import AdaptiveNoise
 
         outer = {name: options.pop(name) for name in _OUTER if name in options}
-        return AdaptiveNoise(of(machine, magnet, **options), **self.finds_noise, **outer)
+        return AdaptiveNoise(of(machine, magnet, **options), **self.adaptive_noise, **outer)
 
     @property
     def estimator(self) -> type[Estimator]:
@@ -149,7 +149,7 @@ class Kind:
     def option_units(self) -> dict[str, str]:
         """SI unit of each option of a file, by name; empty for a word."""
         known = {item.name: item.unit for item in self.tunable if "noise." not in item.name}
-        outer = {} if self.finds_noise is None else {"window": "s", "most": "1"}
+        outer = {} if self.adaptive_noise is None else {"window": "s", "most": "1"}
         return known | dict.fromkeys(self.ratios, "1") | outer
 
 
@@ -180,16 +180,17 @@ def _bandwidth(machine: Machine) -> float:
 KINDS = {
     kind.name: kind
     for kind in (
-        Kind(
+        FilterKind(
             "low-pass", "low-pass and derivative",
-            "low_pass.LowPass", InCore("LowPass", has_state=True, base="base."), constants_of,
+            "low_pass.LowPass", CoreKernel("LowPass", has_state=True, base="base."),
+            constant_stiffness,
             (
                 Tunable("position", "rad/s", _corner("position")),
                 Tunable("velocity", "rad/s", _corner("velocity")),
                 Tunable("force", "rad/s", _corner("force")),
             ),
         ),
-        Kind(
+        FilterKind(
             "constant-velocity", "Kalman filter, constant velocity",
             "constant_velocity.ConstantVelocity", PAPER, _constant_velocity("no_force_of"),
             (
@@ -198,71 +199,74 @@ KINDS = {
                         decades=4.0),
             ),
         ),
-        Kind(
+        FilterKind(
             "observer", "extended state observer",
-            "observer.ExtendedStateObserver", _OBSERVER, constants_of,
+            "observer.ExtendedStateObserver", _OBSERVER, constant_stiffness,
             (Tunable("bandwidth", "rad/s", _bandwidth, decades=1.0),),
         ),
-        Kind("linear", "linear Kalman filter", "kalman.KalmanFilter", PAPER, constants_of),
-        Kind(
-            "steady-state", "steady-state Kalman filter",
-            "observer.SteadyStateKalmanFilter", _OBSERVER, constants_of,
+        FilterKind(
+            "linear", "linear Kalman filter", "kalman.KalmanFilter", PAPER, constant_stiffness,
         ),
-        Kind(
+        FilterKind(
+            "steady-state", "steady-state Kalman filter",
+            "observer.SteadyStateKalmanFilter", _OBSERVER, constant_stiffness,
+        ),
+        FilterKind(
             "table", "Kalman filter, stiffness table",
             "kalman.AdaptiveKalmanFilter", PAPER, None, given="StiffnessMap",
         ),
-        Kind(
+        FilterKind(
             "adaptive", "adaptive Kalman filter, fuzzy expert",
             "kalman.AdaptiveKalmanFilter", PAPER, None, given="Expert",
         ),
-        Kind(
+        FilterKind(
             "closed-law", "Kalman filter, closed law",
-            "kalman.AdaptiveKalmanFilter", PAPER, laws_of,
+            "kalman.AdaptiveKalmanFilter", PAPER, ideal_laws,
         ),
-        Kind(
+        FilterKind(
             "extended", "extended Kalman filter",
-            "kalman.ExtendedKalmanFilter", _EXTENDED, laws_of,
+            "kalman.ExtendedKalmanFilter", _EXTENDED, ideal_laws,
         ),
-        Kind(
+        FilterKind(
             "ud", "UD-factorised Kalman filter",
             "kalman.UDKalmanFilter",
-            InCore("UD", has_own=False, has_state=True, base="base."), laws_of,
+            CoreKernel("UD", has_own=False, has_state=True, base="base."), ideal_laws,
         ),
-        Kind(
+        FilterKind(
             "augmented", "augmented-state extended Kalman filter",
             "augmented.AugmentedKalmanFilter",
-            InCore(
+            CoreKernel(
                 "Augmented", has_state=True, base="base.", covariance="cov", calls=("excitation",)
             ),
-            laws_of,
+            ideal_laws,
             (*NOISE, Tunable("wander", "1/s", lambda _: 0.01)),
             ratios=("scale_std", "excitation", "least", "most"), magnet_tolerance=0.3,
         ),
-        Kind(
+        FilterKind(
             "multiple-model", "interacting multiple models",
             "augmented.MultipleModelFilter",
-            InCore("MultipleModel", has_state=True, base="base.", calls=("excitation",)), laws_of,
+            CoreKernel("MultipleModel", has_state=True, base="base.", calls=("excitation",)),
+            ideal_laws,
             (*NOISE, Tunable("sojourn", "s", lambda _: 1.0, decades=1.0)),
             ratios=("scales", "excitation"), magnet_tolerance=0.3,
         ),
-        Kind(
+        FilterKind(
             "unscented", "unscented Kalman filter",
-            "unscented.UnscentedKalmanFilter", InCore("Unscented"), laws_of,
+            "unscented.UnscentedKalmanFilter", CoreKernel("Unscented"), ideal_laws,
             ratios=("alpha", "beta", "kappa"),
         ),
-        Kind(
+        FilterKind(
             "contact", "extended Kalman filter, contact with stops",
-            "contact.ContactKalmanFilter", InCore("Contact"), laws_of, ratios=("scatter",),
+            "contact.ContactKalmanFilter", CoreKernel("Contact"), ideal_laws, ratios=("scatter",),
         ),
-        Kind(
+        FilterKind(
             "linear-adaptive-noise", "linear Kalman filter, R found online",
-            "kalman.KalmanFilter", _ADAPTIVE_NOISE, constants_of, (*NOISE, MEMORY),
+            "kalman.KalmanFilter", _ADAPTIVE_NOISE, constant_stiffness, (*NOISE, MEMORY),
             {"method": "sage-husa", "adapts": "measurement"},
         ),
-        Kind(
+        FilterKind(
             "extended-adaptive-noise", "extended Kalman filter, R and Q found online",
-            "kalman.ExtendedKalmanFilter", _ADAPTIVE_NOISE, laws_of, (*NOISE, MEMORY),
+            "kalman.ExtendedKalmanFilter", _ADAPTIVE_NOISE, ideal_laws, (*NOISE, MEMORY),
             {"method": "innovation", "adapts": "both"},
         ),
     )
@@ -272,7 +276,7 @@ KINDS = {
 FILTER_SUFFIX = ".toml"  #: Suffix of a filter file, which may replace the name of an estimator.
 
 
-def kind_called(name: str) -> Kind:
+def get_kind(name: str) -> FilterKind:
     """Return a kind by name."""
     if not isinstance(name, str) or name not in KINDS:
         raise AmbkitError(f'there is no filter "{name}"; known: {", ".join(KINDS)}')
@@ -298,7 +302,7 @@ def check_named(name: str) -> None:
 _OF_BINDING = {kind.core.binding: kind.core for kind in KINDS.values()}
 
 
-def in_core_of(estimator: Estimator) -> InCore | None:
+def core_kernel(estimator: Estimator) -> CoreKernel | None:
     """Return the core interface of an estimator's kind; None if it has none."""
     return _OF_BINDING.get(type(estimator.core).__name__)
 
@@ -311,10 +315,10 @@ def kind_of(estimator: Estimator) -> str:
     of = f"{type(inner).__module__.rpartition('.')[2]}.{type(inner).__name__}"
     around = inner is not estimator
     results = [
-        k.name for k in KINDS.values() if k.of == of and (k.finds_noise is not None) == around
+        k.name for k in KINDS.values() if k.of == of and (k.adaptive_noise is not None) == around
     ]
     magnet: Any = estimator.magnet
-    if isinstance(magnet, Bank):  # equal for all axes of a machine
+    if isinstance(magnet, ForceLaws):  # equal for all axes of a machine
         magnet = magnet.models[0]
     if not results:
         raise AmbkitError(f"the {estimator.name} is of no kind that a file can name")
@@ -332,7 +336,7 @@ def learned_magnet(name: str, machine: Machine) -> MagnetModel | None:
     for axis in machine.axes:
         if axis.bearing.name not in learned:  # both axes of a bearing have equal magnets
             learned[axis.bearing.name] = learn(machine.isolated_axis(axis.name))
-    return bank_of([learned[axis.bearing.name] for axis in machine.axes], machine)
+    return force_laws([learned[axis.bearing.name] for axis in machine.axes], machine)
 
 
 @lru_cache(maxsize=64)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimator import Estimator
-from ambkit.machine.axes import laws_of
+from ambkit.machine.axes import ideal_laws
 from ambkit.machine.magnets import MagnetModel
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class UnscentedKalmanFilter(Estimator):
         **options: Any,
     ) -> None:
         self._spread: dict[str, Any] = {"alpha": alpha, "beta": beta, "kappa": kappa}
-        super().__init__(machine, magnet or laws_of(machine), **options)
+        super().__init__(machine, magnet or ideal_laws(machine), **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         n, alpha, beta = len(engine.states), self._spread["alpha"], self._spread["beta"]

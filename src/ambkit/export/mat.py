@@ -19,7 +19,7 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.export.stiffness_table import tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import require_adequate
-from ambkit.machine.axes import constants_of, models_of
+from ambkit.machine.axes import constant_stiffness, models_of
 from ambkit.machine.forces.patches import PatchedForce
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module
@@ -77,7 +77,7 @@ def variables(filter: Estimator) -> dict[str, Any]:
 
 def _model(filter: Estimator) -> dict[str, Any]:
     """Return the matrices of the filter's model."""
-    k: Any = models_of(constants_of(filter.machine))
+    k: Any = models_of(constant_stiffness(filter.machine))
     parameters = filter.core.parameters
     held = parameters["set"]
     model = filter.linear_model(np.array([one.k_i for one in k]), np.array([one.k_s for one in k]))

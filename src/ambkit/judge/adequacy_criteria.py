@@ -24,7 +24,7 @@ from ambkit.judge.load_following import (
     operating_point,
     settling,
 )
-from ambkit.judge.loop.loop_of import ZONES, LoopOf, zone_of
+from ambkit.judge.loop.loop_builder import ZONES, LoopBuilder, zone_of
 from ambkit.judge.loop.margins import grid
 from ambkit.judge.modal_reduction import reduction
 from ambkit.machine.axes import isolated_axes, weights_of
@@ -328,7 +328,7 @@ def _margins(filter: Estimator, plant: Any, control: Any, own_control: bool) -> 
 
 def loop_peak(plant: Any, filter: Estimator, control: Any = None) -> float:
     """Return the peak of abs(S) [1] on a coarse grid, infinite if the loop is unstable."""
-    of = LoopOf(plant, control, point=operating_point(plant))
+    of = LoopBuilder(plant, control, point=operating_point(plant))
     loop = of.loop(filter)
     # A pole on the unit circle belongs to states that a filter cannot distinguish, as unbalance and
     # runout at constant speed: it does not grow.

@@ -287,7 +287,7 @@ def filter_figure(
             axis = with_limits(axis, items, settled)
         return Panel(time, axis, [*items, *absent])
 
-    late = {n: None for item in estimates for n in item.of_role("current")}
+    late = {n: None for item in estimates for n in item.states_with_role("current")}
     currents = [
         Panel(time, CURRENT, [*true(f"iu{name.removeprefix('i')}"), *estimated(name), *absent])
         for name in late

@@ -13,7 +13,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering, percent, rpm
 from ambkit.control.stabilising_controller import holding
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.judge.loop.margins import axis_peaks
 from ambkit.judge.whirl_modes import whirl_modes
 from ambkit.machine.machine import Machine
@@ -175,7 +175,7 @@ def reduction(machine: Machine) -> Reduction | None:
     T, speed, every = machine.sampling_time, machine.speed, rotor.every_mode
     f = every.frequency / (2 * math.pi)
     mode_count = len(bending.frequency) - bending.attached
-    top = modes.end_of_range(T, speed)
+    top = modes.max_frequency(T, speed)
     frequency_limit = rotor.modes_up_to or top
     count = min(len(f), max(mode_count + MORE, LEAST))
     many = machine.model_copy(
@@ -217,7 +217,7 @@ def _critical(machine: Machine, many: Machine, max_speed: float) -> tuple[tuple[
 def _peaks(machine: Machine, many: Machine) -> tuple[Peak | None, complex | None]:
     """Return the largest difference of the peaks, and the full model's unstable pole."""
     try:
-        of = LoopOf(machine)
+        of = LoopBuilder(machine)
         estimator = KalmanFilter(machine)
         control_law = of.flown_by(estimator)
     except (AmbkitError, ValueError):  # no stabilising controller, or no filter for the machine
@@ -226,7 +226,7 @@ def _peaks(machine: Machine, many: Machine) -> tuple[Peak | None, complex | None
     for speed in dict.fromkeys((0.0, machine.speed / 2, machine.speed)):
         estimator = KalmanFilter(machine.model_copy(update={"speed": speed}))
         loops = [
-            LoopOf(
+            LoopBuilder(
                 item.model_copy(update={"speed": speed}),
                 of.control,
                 point=of.point,

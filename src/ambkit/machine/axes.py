@@ -24,7 +24,7 @@ from ambkit.machine.parts import GRAVITY
 
 
 @dataclass(frozen=True)
-class Bank:
+class ForceLaws:
     """What is known of the magnets of several axes."""
 
     #: (p,) Of each axis, in their order: force laws, experts, maps, constant stiffnesses.
@@ -38,17 +38,17 @@ class Bank:
         return [model.in_core(core) for model in self.models]
 
 
-def bank_of(magnet: MagnetModel | Sequence[MagnetModel], of: Machine) -> MagnetModel:
-    """Return what is known of magnets as one: of several axes a `Bank`."""
+def force_laws(magnet: MagnetModel | Sequence[MagnetModel], of: Machine) -> MagnetModel:
+    """Return what is known of magnets as one: of several axes a `ForceLaws`."""
     models = tuple(magnet) if isinstance(magnet, list | tuple) else models_of(magnet)
     for model in models:
         of_type(MagnetModel, magnet=model)
-    return models[0] if of.single and len(models) == 1 else Bank(models)
+    return models[0] if of.single and len(models) == 1 else ForceLaws(models)
 
 
 def models_of(magnet: Any) -> tuple[MagnetModel, ...]:
     """Return what is known of the magnet of each axis."""
-    return magnet.models if isinstance(magnet, Bank) else (magnet,)
+    return magnet.models if isinstance(magnet, ForceLaws) else (magnet,)
 
 
 def isolated_axes(of: Machine) -> tuple[Machine, ...]:
@@ -62,20 +62,20 @@ def slowest_time(of: Machine) -> float:
 
 
 def _each(of: Machine, made: Callable[[Machine], MagnetModel]) -> MagnetModel:
-    return bank_of([made(axis) for axis in isolated_axes(of)], of)
+    return force_laws([made(axis) for axis in isolated_axes(of)], of)
 
 
-def laws_of(of: Machine) -> MagnetModel:
+def ideal_laws(of: Machine) -> MagnetModel:
     """Return the magnets that a machine describes."""
     return _each(of, magnet_of)
 
 
-def constants_of(of: Machine) -> MagnetModel:
+def constant_stiffness(of: Machine) -> MagnetModel:
     """Return the constant stiffnesses of the operating point."""
     return _each(of, ConstantStiffness.of)
 
 
-def bias_forces_of(magnet: MagnetModel, of: Machine) -> list[float]:
+def bias_forces(magnet: MagnetModel, of: Machine) -> list[float]:
     """Return the force of each axis at iu = 0, x = 0 [N]; see `bias_force_of`."""
     return [
         bias_force_of(item, b) for item, b in zip(models_of(magnet), isolated_axes(of), strict=True)

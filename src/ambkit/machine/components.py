@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Discriminator, StringConstraints, Tag
 
 from ambkit.base.config import Part, Read
-from ambkit.base.config.quantities import Quantity, WordOrQuantity
+from ambkit.base.config.quantities import KeywordOrQuantity, Quantity
 from ambkit.base.units import engineering
 from ambkit.machine.accessories import (
     Coil,
@@ -41,7 +41,7 @@ class MassRotor(Part):
     """Mass m [kg]."""
     gravity: Annotated[
         float | Literal["-x", "+x", "none"],
-        WordOrQuantity("rad", "45 deg", words=("-x", "+x", "none")),
+        KeywordOrQuantity("rad", "45 deg", words=("-x", "+x", "none")),
     ]
     """Direction of gravity; "none" for a horizontal axis, or for an inclined axis its angle from -x
     [rad], such as "45 deg".
@@ -121,7 +121,7 @@ Body = RigidRotor | ShaftRotor | MatrixRotor | ModalRotor | MassRotor
 ROTORS = (RigidRotor, ShaftRotor, MatrixRotor, ModalRotor, MassRotor)
 
 
-class PlacedBearing(Part):
+class BearingAt(Part):
     """A bearing of the machine: the magnets of its axes, and its place."""
 
     # A radial bearing has two axes, NAME1 at its angle and NAME2 a quarter turn ahead; a thrust
@@ -161,7 +161,7 @@ class PlacedBearing(Part):
             yield "angle", "is of a radial bearing; a thrust bearing has its axis along the shaft"
 
 
-class PlacedSensor(Sensor):
+class SensorAt(Sensor):
     """A position sensor of the machine, and its place."""
 
     # A radial sensor has two readings, NAME1 at its angle and NAME2 a quarter turn ahead; a single

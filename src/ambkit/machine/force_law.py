@@ -54,7 +54,7 @@ class IsolatedAxis(Protocol):
         """Greatest control current [A]."""
 
 
-def equally_far(machine: IsolatedAxis) -> tuple[float, float]:
+def symmetric_current_limit(machine: IsolatedAxis) -> tuple[float, float]:
     """Current [A] and displacement [m] that count as equally far from the origin."""
     # The paper's least squares steps 0.01 A and 0.01 mm (eq. 27): on its rig, with 1.5 A and 2 mm,
     # one ampere weighs as one millimetre. Another bearing keeps the ratio to its bias current and
@@ -243,7 +243,7 @@ class ForceLaw(Law):
     @property
     def fields(self) -> dict[str, Any]:
         """The fields of the core's struct."""
-        ampere, metre = equally_far(self.machine)
+        ampere, metre = symmetric_current_limit(self.machine)
         m = self.machine.magnet
         common = {"two_sided": m.type == "two-sided", "ampere": ampere, "metre": metre}
         return self.parameters_of(m) | common

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ambkit.base.arrays import Array
-from ambkit.machine.components import Body, PlacedBearing, PlacedSensor, Unbalance
+from ambkit.machine.components import BearingAt, Body, SensorAt, Unbalance
 from ambkit.machine.parts import along_x
 from ambkit.machine.rotors.modes import Bending
 
@@ -75,7 +75,7 @@ class Axis(NamedTuple):
 
     name: str  #: Such as ``A1``.
     line: Line  #: Direction of its magnet force.
-    bearing: PlacedBearing  #: Its bearing.
+    bearing: BearingAt  #: Its bearing.
 
 
 class Reading(NamedTuple):
@@ -83,7 +83,7 @@ class Reading(NamedTuple):
 
     name: str  #: Such as ``A1``.
     line: Line  #: Direction of the measurement.
-    sensor: PlacedSensor  #: Its sensor.
+    sensor: SensorAt  #: Its sensor.
 
 
 TRANSLATION = Line(math.nan, 1.0, 0.0)  #: Along the only coordinate of a mass.
@@ -97,7 +97,7 @@ class Shaft(NamedTuple):
     translation: bool = False  #: Whether it is a mass with one coordinate.
 
     @classmethod
-    def of(cls, rotor: Body, bearings: tuple[PlacedBearing, ...]) -> Shaft:
+    def of(cls, rotor: Body, bearings: tuple[BearingAt, ...]) -> Shaft:
         """Return that of a machine's rotor."""
         places = tuple(bearing.place for bearing in bearings if bearing.type == "radial")
         return cls(rotor.centre, rotor.bending(places), rotor.type == "mass")
@@ -113,7 +113,7 @@ class Shaft(NamedTuple):
 RIGID = Shaft()  #: For a rigid rotor, or without bending.
 
 
-def axes_of(bearings: tuple[PlacedBearing, ...], shaft: Shaft = RIGID) -> tuple[Axis, ...]:
+def axes_of(bearings: tuple[BearingAt, ...], shaft: Shaft = RIGID) -> tuple[Axis, ...]:
     """Return the axes of bearings, in order."""
     return tuple(
         Axis(name, line, bearing)
@@ -124,7 +124,7 @@ def axes_of(bearings: tuple[PlacedBearing, ...], shaft: Shaft = RIGID) -> tuple[
     )
 
 
-def readings_of(sensors: tuple[PlacedSensor, ...], shaft: Shaft = RIGID) -> tuple[Reading, ...]:
+def readings_of(sensors: tuple[SensorAt, ...], shaft: Shaft = RIGID) -> tuple[Reading, ...]:
     """Return the readings of sensors, in order."""
     return tuple(
         Reading(name, line, sensor)
@@ -135,10 +135,10 @@ def readings_of(sensors: tuple[PlacedSensor, ...], shaft: Shaft = RIGID) -> tupl
     )
 
 
-def nearest(sensors: tuple[PlacedSensor, ...], axis: Axis) -> PlacedSensor:
+def nearest(sensors: tuple[SensorAt, ...], axis: Axis) -> SensorAt:
     """Return the sensor at an axis, or the nearest one."""
 
-    def away(sensor: PlacedSensor) -> tuple[bool, float]:
+    def away(sensor: SensorAt) -> tuple[bool, float]:
         away = abs(sensor.place - axis.bearing.place)
         return (sensor.type == "axial") != axis.line.axial, away
 
@@ -146,7 +146,7 @@ def nearest(sensors: tuple[PlacedSensor, ...], axis: Axis) -> PlacedSensor:
 
 
 def _lines(
-    placed: PlacedBearing | PlacedSensor, shaft: Shaft, *, two: bool, axial: bool
+    placed: BearingAt | SensorAt, shaft: Shaft, *, two: bool, axial: bool
 ) -> Iterator[tuple[str, Line]]:
     if axial:
         yield placed.name, Line.along()
@@ -212,7 +212,7 @@ def modal_positions(bending: Bending | None) -> tuple[str, ...]:
     return tuple(f"{name}_{plane}" for name in names for plane in "xy")
 
 
-def bent_by(machine: Any, forces: Array) -> Array:
+def static_deflection(machine: Any, forces: Array) -> Array:
     """Return the static modal displacements due to forces along the axes (2 modes,) [m]."""
     if machine.bending is None:
         return np.zeros(0)

@@ -24,7 +24,7 @@ from ambkit.base.config.text_types import Description, Name
 from ambkit.machine import geometry, presets, short_form
 from ambkit.machine.accessories import SHORTEST_LAG, Coil, Stop
 from ambkit.machine.angle_sensor import AngleSensor
-from ambkit.machine.components import AnyRotor, PlacedBearing, PlacedSensor, Unbalance
+from ambkit.machine.components import AnyRotor, BearingAt, SensorAt, Unbalance
 from ambkit.machine.geometry import Axis, Line, Reading, Shaft
 from ambkit.machine.parts import (
     GRAVITY,
@@ -76,9 +76,9 @@ class Machine(Shown, Document):
     """Speed of rotation, from x towards y [rad/s]; for a mass, the frequency of its runout."""
     rotor: AnyRotor
     """The rotor: rigid, flexible, or a mass along one axis."""
-    bearings: Annotated[tuple[PlacedBearing, ...], Field(min_length=1, alias="bearing")]
+    bearings: Annotated[tuple[BearingAt, ...], Field(min_length=1, alias="bearing")]
     """The bearings."""
-    sensors: Annotated[tuple[PlacedSensor, ...], Field(min_length=1, alias="sensor")]
+    sensors: Annotated[tuple[SensorAt, ...], Field(min_length=1, alias="sensor")]
     """The position sensors."""
     unbalance: tuple[Unbalance, ...] = ()
     """Unbalance by plane."""
@@ -158,7 +158,7 @@ class Machine(Shown, Document):
             self.__dict__["rotor"] = self.rotor.model_copy(update={"modes_up_to": highest})
 
     @cached_property
-    def _one(self) -> PlacedBearing:
+    def _one(self) -> BearingAt:
         """The bearing of a machine with one axis."""
         if len(self.axes) > 1:
             name = self.axes[0].name
@@ -176,7 +176,7 @@ class Machine(Shown, Document):
         return self._one.amplifier
 
     @property
-    def sensor(self) -> PlacedSensor:
+    def sensor(self) -> SensorAt:
         """The position sensor of its one axis."""
         only = self.single or self._one.type == "single"
         return self.sensors[0] if only else geometry.nearest(self.sensors, self.axes[0])
@@ -231,14 +231,14 @@ class Machine(Shown, Document):
         return geometry.readings_of(self.sensors, self.shaft)
 
     @property
-    def rigid_positions(self) -> tuple[str, ...]:
+    def rigid_coordinates(self) -> tuple[str, ...]:
         """Coordinates of the rotor's rigid body: x, y [m], th_x, th_y [rad], with thrust z [m]."""
         return geometry.positions_of(self.axes)
 
     @cached_property
     def positions(self) -> tuple[str, ...]:
         """Coordinates of the rotor: rigid body, and modal coordinates m1_x, m1_y, ... [m]."""
-        return self.rigid_positions + geometry.modal_positions(self.bending)
+        return self.rigid_coordinates + geometry.modal_positions(self.bending)
 
     @property
     def masses(self) -> NDArray[np.float64]:

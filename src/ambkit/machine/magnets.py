@@ -18,9 +18,9 @@ from ambkit.machine.force_law import Law as Law
 from ambkit.machine.force_law import MagnetModel as MagnetModel
 from ambkit.machine.force_law import Precision as Precision
 from ambkit.machine.force_law import core_module as core_module
-from ambkit.machine.force_law import equally_far as equally_far
 from ambkit.machine.force_law import evaluate_force as evaluate_force
 from ambkit.machine.force_law import evaluate_stiffness as evaluate_stiffness
+from ambkit.machine.force_law import symmetric_current_limit as symmetric_current_limit
 from ambkit.machine.forces.force_map import surface_of
 from ambkit.machine.laws import ClosedLaw as ClosedLaw
 from ambkit.machine.laws import SaturatingLaw as SaturatingLaw

@@ -17,7 +17,7 @@ from ambkit.machine.accessories import (
     eddy_current_contradictions,
     line_contradictions,
 )
-from ambkit.machine.components import ROTORS, PlacedBearing, PlacedSensor
+from ambkit.machine.components import ROTORS, BearingAt, SensorAt
 from ambkit.machine.geometry import Axis, Shaft
 from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import GRAVITY, along_x, levitation_current_of
@@ -39,7 +39,7 @@ def contradictions(read: Read, unchecked: Callable[..., Any]) -> Iterator[tuple[
     )
     yield from double_names("bearing", bearings)
     yield from double_names("sensor", sensors)
-    yield from beyond_the_rotor(read, bearings, sensors)
+    yield from off_the_rotor(read, bearings, sensors)
     yield from loose(bearings, sensors)
     yield from too_fast(read, sensors)
     yield from unbalance_contradictions(read)
@@ -48,8 +48,8 @@ def contradictions(read: Read, unchecked: Callable[..., Any]) -> Iterator[tuple[
     yield from unseen(read, bearings, sensors)
 
 
-def beyond_the_rotor(
-    read: Read, bearings: tuple[PlacedBearing, ...], sensors: tuple[PlacedSensor, ...]
+def off_the_rotor(
+    read: Read, bearings: tuple[BearingAt, ...], sensors: tuple[SensorAt, ...]
 ) -> Iterator[tuple[str, str]]:
     """Yield parts at places beyond the rotor."""
     if any(bearing.type == "single" for bearing in bearings):
@@ -69,7 +69,7 @@ def beyond_the_rotor(
 
 
 def loose(
-    bearings: tuple[PlacedBearing, ...], sensors: tuple[PlacedSensor, ...]
+    bearings: tuple[BearingAt, ...], sensors: tuple[SensorAt, ...]
 ) -> Iterator[tuple[str, str]]:
     """Yield coordinates that no bearing supports, or no sensor measures."""
     if any(bearing.type == "single" for bearing in bearings):
@@ -99,7 +99,7 @@ NODE = 0.02  #: Share of a mode's maximum below which a place counts as a node.
 
 
 def unseen(
-    read: Read, bearings: tuple[PlacedBearing, ...], sensors: tuple[PlacedSensor, ...]
+    read: Read, bearings: tuple[BearingAt, ...], sensors: tuple[SensorAt, ...]
 ) -> Iterator[tuple[str, str]]:
     """Yield modes that are too fast for the sampling, or with nodes at all sensors."""
     rotor, T = read("rotor"), read("sampling_time")
@@ -180,7 +180,7 @@ def double_names(key: str, placed: tuple[Any, ...]) -> Iterator[tuple[str, str]]
             yield f"{key}.{at}.name", f'"{name}" and another {key} give the same names of axes'
 
 
-def too_fast(read: Read, sensors: tuple[PlacedSensor, ...]) -> Iterator[tuple[str, str]]:
+def too_fast(read: Read, sensors: tuple[SensorAt, ...]) -> Iterator[tuple[str, str]]:
     """Yield parts that are too fast for the sampling."""
     T, speed = read("sampling_time"), abs(read("speed"))
     if T * speed >= math.pi:
@@ -214,8 +214,8 @@ def unbalance_contradictions(read: Read) -> Iterator[tuple[str, str]]:
 
 def too_heavy(
     read: Read,
-    bearings: tuple[PlacedBearing, ...],
-    sensors: tuple[PlacedSensor, ...],
+    bearings: tuple[BearingAt, ...],
+    sensors: tuple[SensorAt, ...],
     construct: Callable[..., Any],
 ) -> Iterator[tuple[str, str]]:
     """Yield axes with too little current for their share of the weight."""

@@ -24,7 +24,7 @@ from ambkit.base.config.problems import (
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import geometry
 from ambkit.machine.accessories import Coil, Stop
-from ambkit.machine.components import MassRotor, PlacedSensor
+from ambkit.machine.components import MassRotor, SensorAt
 from ambkit.machine.parts import Amplifier, Magnet, Sensor
 
 LISTS = ("bearing", "sensor")  #: Keys that are lists in the long form.
@@ -71,7 +71,7 @@ def expanded(data: Mapping[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
         long["rotor"] = rotor
     if "sensor" in tables:
         sensor = tables["sensor"]
-        if not isinstance(sensor, PlacedSensor):
+        if not isinstance(sensor, SensorAt):
             sensor = {"type": "single"} | dict(sensor)
         long["sensor"] = [sensor]
     return long | {"bearing": [bearing]}, problems
@@ -160,10 +160,10 @@ def tables_of(machine: Any) -> dict[str, Any]:
 def with_schema(long: dict[str, Any]) -> dict[str, Any]:
     """Return the JSON schema of a machine in either form, from that of the long one."""
     definitions, own = long["$defs"], long["properties"]
-    bearing = definitions["PlacedBearing"]["properties"]
+    bearing = definitions["BearingAt"]["properties"]
     rotor, sensor = (
         {key: definitions[name][key] for key in ("type", "properties", "required")}
-        for name in ("MassRotor", "PlacedSensor")
+        for name in ("MassRotor", "SensorAt")
     )
     for table, part in (("rotor", rotor), ("sensor", sensor)):
         known = part["properties"] | {"clearance": bearing["clearance"]}

@@ -22,7 +22,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.machine.axes import axis_of
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import equally_far, magnet_of
+from ambkit.machine.magnets import magnet_of, symmetric_current_limit
 
 if TYPE_CHECKING:
     from ambkit._core import Table
@@ -192,7 +192,8 @@ def stiffness_map(
         Nodes of the displacement [m]. Default: those of `operating_points`.
     delta_current, delta_displacement : float or str, optional
         Steps of the nine points [A], [m], such as ``"10 µm"``. Default: a hundredth of
-        ``ambkit.machine.magnets.equally_far``, on the paper's rig its 0.01 A and 0.01 mm.
+        ``ambkit.machine.magnets.symmetric_current_limit``, on the paper's rig its 0.01 A and
+        0.01 mm.
     force : callable, optional
         ``force(iu [A], x [m]) -> [N]`` on arrays of one shape, with the bias force: another law, or
         a table interpolated by SciPy. Default: the machine's magnet.
@@ -210,7 +211,7 @@ def stiffness_map(
     """
     machine = axis_of(machine)
     usual_current, usual_displacement = operating_points(machine)
-    ampere, metre = equally_far(machine)
+    ampere, metre = symmetric_current_limit(machine)
     delta_current = in_si("delta_current", delta_current, "A")
     delta_displacement = in_si("delta_displacement", delta_displacement, "m")
     delta_current = ampere / 100 if delta_current is None else delta_current

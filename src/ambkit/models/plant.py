@@ -51,11 +51,11 @@ class Plant:
         """Return displacements (q,) and currents (p,) [A] of a levitated rotor in equilibrium."""
         # place (p,) [m]; load (p,) [N]
         machine = self.machine
-        rigid = machine.rigid_positions
+        rigid = machine.rigid_coordinates
         H = self.H[:, : len(rigid)]
         generalised_load = geometry.weight_of(machine.rotor, rigid, GRAVITY) + H.T @ load
         forces = np.linalg.lstsq(H.T, -generalised_load, rcond=None)[0]
-        bent = geometry.bent_by(machine, forces + load + np.array(weights_of(machine)))
+        bent = geometry.static_deflection(machine, forces + load + np.array(weights_of(machine)))
         q = np.linalg.lstsq(H, place - self.H[:, len(rigid) :] @ bent, rcond=None)[0]
         q = np.concatenate([q, bent])
         currents = [

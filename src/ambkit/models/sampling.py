@@ -154,7 +154,7 @@ class Sampling:
             Phi, displaced = pattern_of(self.driven(MOVES)), n + p + c
             means = slice(displaced, displaced + p), slice(n)
             Phi[means] *= self._rotor_columns()
-            self._pure_means(Phi)
+            self._sample_means(Phi)
             self._shift(Phi)
             rows, names, _, uses = zip(*self.terms, strict=True)
             LAYOUTS[key] = Layout(
@@ -272,7 +272,7 @@ class Sampling:
             rows = [_traced(row, rests) for row in rows]
         return rows
 
-    def _pure_means(self, Phi: Pattern) -> None:
+    def _sample_means(self, Phi: Pattern) -> None:
         """Set the ones of h and d: the mean of a constant is its value."""
         plan, (n, p, c, _) = self.plan, self.sizes
         for k, force in enumerate(plan.forces):

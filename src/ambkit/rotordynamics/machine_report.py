@@ -15,7 +15,7 @@ from ambkit.control.stabilising_controller import holding
 from ambkit.judge.modal_reduction import reduction
 from ambkit.judge.whirl_modes import stiffnesses
 from ambkit.machine.axes import isolated_axes
-from ambkit.machine.components import PlacedBearing, PlacedSensor
+from ambkit.machine.components import BearingAt, SensorAt
 from ambkit.machine.forces.drawing import computed_force_of_both
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
@@ -165,7 +165,7 @@ def _left_out(machine: Machine, bending: Bending) -> Iterator[Remark]:
 def _nodes(machine: Machine, bending: Bending) -> Iterator[Remark]:
     """Yield sensors and magnets at nodes, and nodes between them."""
     modes = len(bending.frequency) - bending.attached
-    of_keys: dict[str, tuple[PlacedSensor | PlacedBearing, ...]] = {
+    of_keys: dict[str, tuple[SensorAt | BearingAt, ...]] = {
         "sensor": machine.sensors,
         "bearing": machine.bearings,
     }

@@ -26,7 +26,7 @@ from ambkit.control.linear.linear_plant import unbalance_columns
 from ambkit.control.linear.steady_state_filter import tells
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.judge.whirl_modes import CriticalSpeed, followed, whirl_modes
 from ambkit.machine.machine import Machine
 from ambkit.result.row import Row, put
@@ -107,7 +107,7 @@ class Separations(list[Separation]):
 
 
 def separations(
-    machine: Machine, speed: float | None = None, loop: LoopOf | None = None,
+    machine: Machine, speed: float | None = None, loop: LoopBuilder | None = None,
     fed_by: Estimator | None = None, max_speed: float = 0.0,
 ) -> Separations:  # fmt: skip
     """Return the separation of a speed from all critical speeds, at least up to twice the speed."""
@@ -120,7 +120,7 @@ def separations(
     try:
         if loop is None:
             chosen = default_control(machine).chosen
-            loop = LoopOf(machine, chosen.control)
+            loop = LoopBuilder(machine, chosen.control)
             fed_by = KalmanFilter(machine) if chosen.feedback == "estimate" else None
         elif fed_by is not None and not tells(fed_by):  # replaces one without steady-state gain
             fed_by = KalmanFilter(machine, synchronous=fed_by.options.get("synchronous", ()))
@@ -130,7 +130,7 @@ def separations(
     return Separations(speed, criticals, top)
 
 
-At = Callable[[float], tuple[LoopOf, Loop]]
+At = Callable[[float], tuple[LoopBuilder, Loop]]
 
 COUNT, LEAST = 21, 0.01
 """Speeds of the poles; lowest over highest: an unbalance estimator needs rotation to settle."""
@@ -151,12 +151,14 @@ POLE_SHARE = 0.1
 
 
 @one_thread()
-def loop_criticals(of: LoopOf, fed_by: Estimator | None, max_speed: float) -> list[CriticalSpeed]:
+def loop_criticals(
+    of: LoopBuilder, fed_by: Estimator | None, max_speed: float
+) -> list[CriticalSpeed]:
     """Return the critical speeds of a loop up to a speed [rad/s], with damping."""
     of = of.with_controllers(fed_by, max_speed)
 
     @lru_cache(maxsize=8)
-    def at(speed: float) -> tuple[LoopOf, Loop]:
+    def at(speed: float) -> tuple[LoopBuilder, Loop]:
         there, inner = of.at_speed(speed, fed_by)
         return there, there.loop(inner)
 
@@ -241,14 +243,14 @@ def _is_peak(at: At, critical: CriticalSpeed, max_speed: float) -> bool:
     return bool(inside > PEAK * max(value for off, value in size.items() if abs(off) == 3))
 
 
-def _share(of: LoopOf, loop: Loop, rate: complex) -> float:
+def _share(of: LoopBuilder, loop: Loop, rate: complex) -> float:
     """Return the share of a pole in the unbalance response at the bearings."""
     poles, parts = _parts(of, loop)
     k = int(np.argmin(np.abs(poles - np.exp(rate * loop.T))))
     return float(np.linalg.norm(parts[k]) / np.linalg.norm(sum(parts)))
 
 
-def _parts(of: LoopOf, loop: Loop) -> tuple[Complex, list[Complex]]:
+def _parts(of: LoopBuilder, loop: Loop) -> tuple[Complex, list[Complex]]:
     """Return the poles, and the contribution of each to the positions (axes, bearings)."""
     places = sorted({bearing.place for bearing in of.machine.bearings})
     columns = unbalance_columns(of.machine, of.point, places)

@@ -16,7 +16,7 @@ from ambkit.base.quantity_arguments import Given
 from ambkit.base.units import engineering, rpm
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_plant import OperatingPoint
-from ambkit.judge.loop.capacity import of_unbalance, orbit, pairs_of
+from ambkit.judge.loop.capacity import of_unbalance, orbit, synchronous_pairs
 from ambkit.judge.whirl_modes import held, max_speed
 from ambkit.machine import geometry
 from ambkit.machine.axes import isolated_axes
@@ -134,7 +134,7 @@ def of_grades(loop: Loop, machine: Machine, point: OperatingPoint) -> list[Grade
     """Return the response to the unbalance of each grade."""
     # In the described planes, or at the outer bearings; divided among the planes as the machine's
     # own grades, at the worst angles.
-    isolated, pairs = isolated_axes(machine), pairs_of(machine)
+    isolated, pairs = isolated_axes(machine), synchronous_pairs(machine)
     travel = np.array([b.clearance for b in isolated])
     per_grade = [
         of_unbalance(loop, machine.model_copy(update={"unbalance": (plane,)}), point)
@@ -175,7 +175,7 @@ def grade_of(machine: Machine) -> float | None:
 def unbalance_forces(machine: Machine) -> NDArray[np.float64]:
     """Return the amplitudes of the forces along the axes equivalent to the unbalance (p,) [N]."""
     # For the rigid rotor, at the machine's speed.
-    positions = machine.rigid_positions
+    positions = machine.rigid_coordinates
     H = geometry.matrix([axis.line for axis in machine.axes], positions)
     forces = np.zeros(len(positions), complex)
     for place, amount, angle in machine.unbalances():

@@ -101,7 +101,7 @@ def columns(name: str, axes: int, readings: int) -> int:
     return readings if name in _OF_READINGS else axes
 
 
-def series_of(external_inputs: ExternalInputs) -> Iterator[tuple[str, Array]]:
+def as_series(external_inputs: ExternalInputs) -> Iterator[tuple[str, Array]]:
     """All series that must be finite, by name."""
     for name in ("disturbance", "sensor_noise", "magnet_scale", "readings", "references", "fly"):
         if getattr(external_inputs, name) is not None:

@@ -148,7 +148,7 @@ class InLoops:
         start = {"place": self.place, "current": self.current}
         start["integral"] = self.law.integrals(*self.held)
         if elsewhere is not None:
-            rigid = len(machine.rigid_positions)
+            rigid = len(machine.rigid_coordinates)
             start["place"] = np.zeros(len(self.place))
             start["place"][:rigid] = np.linalg.pinv(self.plant.H[:, :rigid]) @ elsewhere
         told: dict[str, Any] = {k: np.ascontiguousarray(v, precision) for k, v in start.items()}

@@ -59,7 +59,7 @@ def windows(r: Array, f_d: Array, first: int) -> list[Windows]:
     return result
 
 
-class Ready(NamedTuple):
+class PreparedRun(NamedTuple):
     """Prepared runs."""
 
     numbers: NDArray[np.uint64]  #: (runs,) Number of each run.
@@ -84,18 +84,18 @@ class Plans:
         self._rows: dict[int, tuple[Estimator, Any]] = {}
         self._last: tuple[Any, tuple[Array, Array], list[Windows]] | None = None
 
-    def ready(self, runs: Sequence[Planned]) -> Ready:
+    def ready(self, runs: Sequence[Planned]) -> PreparedRun:
         """Return runs in the form of the core."""
         for kept in (self._plans, self._signals, self._rows):
             if len(kept) > MOST_PLANS:
                 kept.clear()
-        result = Ready(np.array([planned.key[1] for planned in runs], np.uint64), {}, [])
+        result = PreparedRun(np.array([planned.key[1] for planned in runs], np.uint64), {}, [])
         for place, planned in enumerate(runs):
             core, plan = self._plan(planned, result.own)
             result.by_core.setdefault(core, {}).setdefault(plan, []).append(place)
         return result
 
-    def simulate(self, ready: Ready) -> tuple[Array, Counts]:
+    def simulate(self, ready: PreparedRun) -> tuple[Array, Counts]:
         """Return figures (runs, figures) and counts of flags (runs, flags)."""
         numbers = ready.numbers
         figures = np.empty((len(numbers), len(FIGURES)))

@@ -191,7 +191,7 @@ def recorded(
             "run": scenario.run,
             "version": own_version(),
             "stop_touched": len(touched),
-            "first_touch": begin + int(touched[0]) if len(touched) else None,
+            "first_contact": begin + int(touched[0]) if len(touched) else None,
         },
     )
 

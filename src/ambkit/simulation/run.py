@@ -27,7 +27,7 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import default_filter
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, core_module
-from ambkit.simulation.external_inputs import ExternalInputs, Faults, OwnPlant, columns, series_of
+from ambkit.simulation.external_inputs import ExternalInputs, Faults, OwnPlant, as_series, columns
 from ambkit.simulation.fields import InLoops, StraightLine
 from ambkit.simulation.recording import drawn, recorded, white
 from ambkit.simulation.rotation import angle_readings
@@ -159,7 +159,7 @@ class Loop:
         p, m = len(machine.axes), len(machine.readings)
         if magnet is not None and not self._straight:
             raise AmbkitError(f"magnet: is of one axis, and {machine.name} has several")
-        for name, values in series_of(external_inputs):
+        for name, values in as_series(external_inputs):
             width = columns(name, p, m)
             one = width == 1 and np.shape(values) == (n,)
             if real(f"external_inputs {name}", values).shape != (n, width) and not one:
@@ -381,7 +381,7 @@ def _of_base(machine: Machine, scenario: Scenario, t: Array) -> Array:
     """Return the accelerations of the foundation (n, 3) [m/s^2]."""
     result = np.zeros((len(t), 3))
     for at, item in enumerate(scenario.base):
-        if item.direction not in machine.rigid_positions:
+        if item.direction not in machine.rigid_coordinates:
             raise AmbkitError(
                 f"base[{at}].direction: {machine.name} has no thrust bearing, and does not move "
                 f"along {item.direction}"

@@ -13,7 +13,7 @@ from ambkit.base import units
 from ambkit.base.escaping import label, markdown
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate_panels import contact_spans, true_noise
-from ambkit.machine.components import PlacedBearing
+from ambkit.machine.components import BearingAt
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Rule
 from ambkit.result.signal_styles import CURRENT, DISTURBANCE, NOISE, POSITION, TIME, VELOCITY
 
@@ -48,7 +48,9 @@ def simulation_figure(run: Any) -> Figure:
     ]
     control = Line(t, record["iu"], signal="control", label="control current")
     follows = (
-        [] if estimate is None else [item for n in estimate.of_role("current") for item in told(n)]
+        []
+        if estimate is None
+        else [item for n in estimate.states_with_role("current") for item in told(n)]
     )
     coloured = None if estimate is None else estimate.sensor_noise
     noises = (
@@ -90,7 +92,7 @@ def _machine_figure(run: Any) -> Figure:
             for k, (name, axis) in enumerate(zip(names[bearing], AXES, strict=False), 1)
         ]
 
-    def current(bearing: PlacedBearing) -> Panel:
+    def current(bearing: BearingAt) -> Panel:
         limit, fed = bearing.amplifier.current_limit, lines("iu", bearing.name, on)
         currents = [record[signal("iu", name)][on] for name in names[bearing.name]]
         if np.abs(currents).max(initial=0.0) > 0.5 * limit:
@@ -133,7 +135,7 @@ def _orbit_of(run: Any, place: float) -> tuple[NDArray[np.float64], NDArray[np.f
     return np.asarray(x), np.asarray(y)
 
 
-def _orbit(run: Any, bearing: PlacedBearing) -> Panel:
+def _orbit(run: Any, bearing: BearingAt) -> Panel:
     x, y = _orbit_of(run, bearing.place)
     late = _last_turns(run)
     items: list[Item] = [

@@ -77,10 +77,10 @@ class Run(Result):
     @cached_property
     def rows(self) -> list[Row]:
         """Maximum displacement and current, errors of the estimate, and synchronous quantities."""
-        record, t, at = self.record, self.record.t, self.first_touch
+        record, t, at = self.record, self.record.t, self.first_contact
         modes = [f"{mode['mode']} from {figure(mode['since'], 's')}" for mode in self.modes]
         # Contact is recorded at the end of the sample.
-        touch = None if at is None else At("first_touch", t[min(at + 1, len(t) - 1)], "s")
+        touch = None if at is None else At("first_contact", t[min(at + 1, len(t) - 1)], "s")
         results = [
             Row("samples", "samples", len(record)),
             Row("duration", "duration", float(t[-1]), "s"),
@@ -223,7 +223,7 @@ class Run(Result):
         return int(self.record.meta["stop_touched"])
 
     @property
-    def first_touch(self) -> int | None:
+    def first_contact(self) -> int | None:
         """First of those samples; None if there is none."""
-        result = self.record.meta["first_touch"]
+        result = self.record.meta["first_contact"]
         return None if result is None else int(result)

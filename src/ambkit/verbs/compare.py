@@ -10,7 +10,7 @@ from ambkit.base.quantity_arguments import seeds_in
 from ambkit.verbs import words
 
 if TYPE_CHECKING:
-    from ambkit.judge.comparison.score import Benches
+    from ambkit.judge.comparison.score import ComparisonSet
     from ambkit.judge.comparison.study import Study
     from ambkit.workflow.comparison import LoopScores
 
@@ -25,7 +25,7 @@ def compare(
     budget: int = 0,
     seeds: words.Seeds = 20,
     robustness: bool = False,
-) -> Study | Benches:
+) -> Study | ComparisonSet:
     """Compare filters by error, consistency, delay and cost.
 
     All filters run along the same records, and each in its own loop; the raw sensor is included.

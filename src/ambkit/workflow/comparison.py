@@ -19,7 +19,7 @@ from ambkit.base.quantity_arguments import Given, in_si, names_in, of_type
 from ambkit.base.units import engineering
 from ambkit.data.files.tables import Table
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.filter_saving import NoFile, made_by, origin_of, preset_of
+from ambkit.estimate.filter_saving import NotSaveable, made_by, origin_of, preset_of
 from ambkit.estimate.named import AT, EXPERTS, experts, factories
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.adequacy import judge_adequacy, sentences
@@ -28,7 +28,7 @@ from ambkit.judge.comparison.cases import CASES, Case
 from ambkit.judge.comparison.comparison import TRAINING
 from ambkit.judge.comparison.conditions import Spread
 from ambkit.judge.comparison.criteria import EVALUATED
-from ambkit.judge.comparison.score import Benches, Score, least
+from ambkit.judge.comparison.score import ComparisonSet, Score, least
 from ambkit.judge.comparison.seeds import compare, comparison_figure
 from ambkit.judge.comparison.study import Study, across, study
 from ambkit.judge.comparison.tuning import expand, suited
@@ -87,7 +87,7 @@ def save_filters(result: Study, folder: str | os.PathLike[str]) -> dict[str, str
         try:
             magnet = result.magnet_files.get(name)
             estimator.save(place / f"{name}.toml", machine=machine, magnet=magnet)
-        except NoFile as error:
+        except NotSaveable as error:
             left_out[name] = str(error)
             NOTES.warning("note: %s", error)
     for kind, findings in adequacy_of(result).items():
@@ -102,7 +102,7 @@ Done = Callable[[str], None]
 def in_case(
     machine: Machine, filter: Any, case: Any, *, plant: Any, spread: Any, budget: int, seeds: range,
     robustness: bool, source: Any, done: Done,
-) -> Study | Benches:  # fmt: skip
+) -> Study | ComparisonSet:  # fmt: skip
     """Compare filters in one case, or in all."""
     cases = _cases(machine, case, plant, in_si("spread", spread, "1"))
     mapping = isinstance(filter, Mapping)

@@ -27,9 +27,9 @@ from ambkit.data.reading import load_with_gaps
 from ambkit.data.record import Record
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.estimate.registry import kind_called
+from ambkit.estimate.registry import get_kind
 from ambkit.judge.adequacy import sentences
-from ambkit.judge.loop.loop_of import ZONE_A, LoopOf, zone_of
+from ambkit.judge.loop.loop_builder import ZONE_A, LoopBuilder, zone_of
 from ambkit.machine.axes import slowest_time
 from ambkit.machine.machine import Machine
 from ambkit.result.page import write_result
@@ -40,8 +40,8 @@ from ambkit.workflow.design_candidates import (
     best_of,
     candidate_in,
     exported_filter,
+    failed_criteria,
     judged,
-    objections_to,
     of_tuning,
     read_json,
     tuned_within,
@@ -64,7 +64,7 @@ def control_for(machine: Machine) -> Control:
     control = result.chosen.control
     plain = control.type == "decentralised" and not control.pid
     estimator = KalmanFilter(machine)
-    parts = LoopOf(machine, None if plain else control).pids(estimator)
+    parts = LoopBuilder(machine, None if plain else control).pids(estimator)
     pids = {
         name: PID(**{key: float(f"{getattr(pid, key):.{DIGITS}g}") for key in GAINS})  # type: ignore[arg-type]
         for name, pid in parts.items()
@@ -116,7 +116,7 @@ def design(
         )
     kinds = KINDS_TRIED if kinds is None else names_in(kinds=kinds)
     for kind in kinds:
-        kind_called(kind)
+        get_kind(kind)
     work = _Work(machine, logs, validate, channels, files.make_folder(folder), note)
     work.identify(free)
     control = work.choose_controllers()
@@ -137,7 +137,7 @@ def design(
     adequacy = tuple(adequacy_of(chosen, run))
     fatal = [item for item in adequacy if item.fatal and item.name != "peak of |S|"]
     objections = (
-        *objections_to_loop(loop, max_sensitivity), *objections_to(chosen), *sentences(fatal)
+        *objections_to_loop(loop, max_sensitivity), *failed_criteria(chosen), *sentences(fatal)
     )  # fmt: skip
     exported = None
     if anyway or not objections:

@@ -28,7 +28,7 @@ from ambkit.judge.comparison.comparison import bench
 from ambkit.judge.comparison.criteria import SETTLING
 from ambkit.judge.comparison.tuning import SIGNALS, Candidate, errors
 from ambkit.judge.load_following import STEP, load_capacity
-from ambkit.judge.loop.loop_of import OutOfReachError
+from ambkit.judge.loop.loop_builder import InfeasibleError
 from ambkit.machine.axes import slowest_time
 from ambkit.machine.machine import Machine
 from ambkit.simulation.scenario import Scenario
@@ -120,7 +120,7 @@ def tuned_within(peak_limit: float | None, *arguments: Any, **options: Any) -> T
     """Tune a filter with a limit on the peak of abs(S), or as close to it as possible."""
     try:
         return tune(*arguments, max_sensitivity=peak_limit, **options)
-    except OutOfReachError as error:
+    except InfeasibleError as error:
         nearest: Tuned | None = error.nearest
         return nearest or tune(*arguments, **options)
 
@@ -236,7 +236,7 @@ def best_of(candidates: Sequence[TunedCandidate]) -> TunedCandidate:
     return min(equal, key=lambda c: order.index(c.kind))
 
 
-def objections_to(chosen: TunedCandidate) -> list[str]:
+def failed_criteria(chosen: TunedCandidate) -> list[str]:
     """Return the reasons against using a candidate."""
     objections = []
     if not chosen.wandering < chosen.raw:

@@ -113,12 +113,12 @@ def _along(
     tune: float | None, settling: float, *, smooth: bool, done: Callable[[str], None],
 ) -> Filtering:  # fmt: skip
     """Run filters along a record and evaluate them."""
-    begin, end = in_flight(record)
+    begin, end = levitated(record)
     until, record = record.between(stop=end), record.between(begin, end)
     # A filter file determines the machine and noise of its filter.
     fixed = {name for name, build in built.items() if isinstance(build, FromFile | FromObject)}
     tunes = noise.disturbance is None and (tune is not None or fixed < {*built})
-    stretch = stretch_to_tune_on(record, tune) if tunes else None
+    stretch = tuning_window(record, tune) if tunes else None
     late = max(settling, stretch.stop if stretch else 0.0)
     results = {}
     for name, build in built.items():
@@ -137,7 +137,7 @@ def _along(
     return Filtering(machine, record, stretch, late, results)
 
 
-def stretch_to_tune_on(record: Record, tune: float | None = None) -> Stretch | None:
+def tuning_window(record: Record, tune: float | None = None) -> Stretch | None:
     """Return the part for tuning: the requested one, or the second quarter of a measured record."""
     # The first quarter is often a start. By default nothing is tuned if the truth is known.
     span = float(record.t[-1] - record.t[0])
@@ -188,7 +188,7 @@ def _less_likely(one: Evaluation, other: Evaluation) -> bool:
     return less < more
 
 
-def in_flight(record: Record) -> tuple[float | None, float | None]:
+def levitated(record: Record) -> tuple[float | None, float | None]:
     """Return start and end of levitation in a record of lift-off and landing [s]."""
     # Before and after, contact forces act and the magnets are off, which no estimator models. None
     # and None: a record without ``mode``, or without lift-off.

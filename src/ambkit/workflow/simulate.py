@@ -28,7 +28,7 @@ from ambkit.estimate.registry import default_filter
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.contact import contact_notes
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.judge.unbalance import unbalance_notes
 from ambkit.machine.axes import isolated_axes
 from ambkit.machine.forces.force_map import true_magnet
@@ -189,7 +189,7 @@ def _separations(
     if scenario.controller.custom or scenario.plant:  # a class has no poles
         return Separations(0.0)
     fed_by = filter or default_filter(machine) if scenario.feedback == "estimate" else None
-    return separations(machine, speed, LoopOf(machine, scenario.controller), fed_by)
+    return separations(machine, speed, LoopBuilder(machine, scenario.controller), fed_by)
 
 
 def _judged(scenario: Scenario, filter: Any, run: Run) -> tuple[Sequence[Finding], Sequence[str]]:
@@ -236,7 +236,7 @@ def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator
 def _of_the_stop(run: Run) -> str:
     """Return the times of contact, and advice."""
     clearance = min(axis.clearance for axis in isolated_axes(run.machine))
-    at, t = run.first_touch, run.record.t  # contact is recorded at the end of the sample
+    at, t = run.first_contact, run.record.t  # contact is recorded at the end of the sample
     first = "" if at is None else f", first at {figure(t[min(at + 1, len(t) - 1)], 's')}"
     return (
         f"The rotor touched the stop at {figure(clearance, 'm')} in {run.samples_at_the_stop} of "

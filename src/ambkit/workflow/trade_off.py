@@ -15,14 +15,14 @@ from ambkit.base.units import engineering
 from ambkit.control.pid import PID
 from ambkit.data.record import Record
 from ambkit.estimate import DEFAULT
-from ambkit.judge.loop.loop_of import ZONE_A, OutOfReachError, zone_of
+from ambkit.judge.loop.loop_builder import ZONE_A, InfeasibleError, zone_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 from ambkit.workflow.tune import BUDGET, RUNS, Tuned, tune
-from ambkit.workflow.tuning_tasks import ByTruth
+from ambkit.workflow.tuning_tasks import SimulationObjective
 
 #: Signals whose errors are plotted over the peak, and their units.
 SIGNALS = {"x": "m", "f_d": "N"}
@@ -137,7 +137,7 @@ def trade_off(
     of_type(Machine, machine=machine)
     if not peak_limits:
         raise AmbkitError("peaks must be one value or more")
-    judge = ByTruth(machine, seeds)
+    judge = SimulationObjective(machine, seeds)
     points, refused = list[Traded](), None
     for peak_limit in sorted(peak_limits):
         try:
@@ -145,7 +145,7 @@ def trade_off(
                 machine, records, kind, max_sensitivity=peak_limit, controller=controller,
                 magnet=magnet, seeds=seeds, budget=budget, done=done,
             )  # fmt: skip
-        except OutOfReachError as error:
+        except InfeasibleError as error:
             refused = error
             points.append(Traded(peak_limit, None, float("nan"), {}))
             continue

@@ -129,7 +129,7 @@ class TrainedExpert(Result):
         return {} if self.machine is None else wrong_signs(self.expert, self.machine)
 
     @property
-    def hardly_measured(self) -> list[tuple[float, float, float]]:
+    def sparse_nodes(self) -> list[tuple[float, float, float]]:
         """Rules that the points hardly determine [A], [m], and the force's error there [N]."""
         # There the expert stays close to the force law. Empty without points.
         if self.measured is None:
@@ -297,7 +297,7 @@ class TrainedExpert(Result):
 
     def _of_hardly_measured(self) -> list[str]:
         """List the rules that the points hardly determine, and what is used there."""
-        poor = self.hardly_measured
+        poor = self.sparse_nodes
         if not poor:
             return []
         nodes = [f"{engineering(iu, 'A', digits=3)} at {engineering(x, 'm', digits=3)}"
@@ -337,7 +337,7 @@ class TrainedExpert(Result):
             data["measured"] = {
                 "points": len(surface.points),
                 "law_error_reach": surface.reach,
-                "hardly_measured": [(iu, x) for iu, x, _ in self.hardly_measured],
+                "sparse_nodes": [(iu, x) for iu, x, _ in self.sparse_nodes],
             }
             if self.measured.choice is not None:
                 data["choice"] = self.measured.choice.to_dict()

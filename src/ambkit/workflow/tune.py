@@ -22,20 +22,20 @@ from ambkit.data.record import Record
 from ambkit.estimate import DEFAULT
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_saving import made_by, origin_of
-from ambkit.estimate.registry import kind_called, learned_magnet
+from ambkit.estimate.registry import get_kind, learned_magnet
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.criteria import EVALUATED
 from ambkit.judge.comparison.tuning import Candidate, Range, Tried, candidate_of_kind, search
 from ambkit.judge.contact import stop_notes
-from ambkit.judge.loop.loop_of import LoopOf, OutOfReachError, zone_of
+from ambkit.judge.loop.loop_builder import InfeasibleError, LoopBuilder, zone_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section
 from ambkit.simulation.scenario import Scenario
-from ambkit.workflow.tuning_tasks import JUDGED, RAW, By, ByLikelihood, ByTruth
+from ambkit.workflow.tuning_tasks import JUDGED, RAW, By, LikelihoodObjective, SimulationObjective
 
 BUDGET = 60  #: Default number of evaluations.
 RUNS = 8  #: Default number of simulated runs for tuning, and of as many for validation.
@@ -98,8 +98,8 @@ class Tuned(Result):
         return replace(self, files=files)
 
     @cached_property
-    def _loop(self) -> LoopOf:
-        return LoopOf(self.estimator.machine, self.controller)
+    def _loop(self) -> LoopBuilder:
+        return LoopBuilder(self.estimator.machine, self.controller)
 
     @cached_property
     def peak(self) -> float:
@@ -230,13 +230,17 @@ def tune(
 ) -> Tuned:
     """Tune a filter by the likelihood of records, or without records by simulated truth."""
     of_type(Machine, machine=machine)
-    kind_called(kind)
+    get_kind(kind)
     logs = all_of_type(Record, records=records)
     validate = all_of_type(Record, validate=validate)
     magnet = learned_magnet(kind, machine) if magnet is None else magnet
     candidate = candidate_of_kind(kind, machine, magnet, whole=True)
-    task = ByLikelihood(machine, logs, validate) if logs else ByTruth(machine, seeds)
-    loop = LoopOf(machine, controller)
+    task = (
+        LikelihoodObjective(machine, logs, validate)
+        if logs
+        else SimulationObjective(machine, seeds)
+    )
+    loop = LoopBuilder(machine, controller)
     trials = _Trials(candidate, task, loop, max_sensitivity)
     task.check(trials.build(), kind)
     chosen = _chosen(candidate, task.usual(candidate) if free is None else tuple(free))
@@ -277,7 +281,7 @@ def tune(
         tuple(warnings),
     )  # fmt: skip
     if max_sensitivity is not None and limit > max_sensitivity:
-        raise OutOfReachError(
+        raise InfeasibleError(
             f"of {len(evaluated)} {kind} filters that were evaluated none keeps the peak of |S| "
             f"below {max_sensitivity:g}, the least is {min(peaks):.4g}: allow more, or take "
             "another controller",
@@ -290,9 +294,12 @@ class _Trials:
     """The filter of each trial, its cost, and its peak of |S| if that has a limit."""
 
     def __init__(
-        self, candidate: Candidate, task: ByLikelihood | ByTruth, loop: LoopOf,
+        self,
+        candidate: Candidate,
+        task: LikelihoodObjective | SimulationObjective,
+        loop: LoopBuilder,
         max_sensitivity: float | None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.candidate, self.task, self.loop = candidate, task, loop
         self.max_sensitivity = max_sensitivity
         self.peaks: list[float] = []

@@ -25,7 +25,7 @@ from ambkit.judge.load_following import least_process_noise
 from ambkit.machine.axes import slowest_time
 from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.descriptions import OfMatrices
-from ambkit.machine.rotors.modes import above, end_of_range
+from ambkit.machine.rotors.modes import above, max_frequency
 from ambkit.workflow.tuning import MUCH_LESS_LIKELY, TOO_LARGE, check_signals, log_likelihood
 
 By = Literal["likelihood", "truth"]
@@ -56,7 +56,7 @@ AHEAD = {1: "error 1 step ahead [m]", 10: "error 10 steps ahead [m]"}
 """Figures of how well a record is predicted, by the number of samples."""
 
 
-class ByLikelihood:
+class LikelihoodObjective:
     """Tuning by the likelihood of records."""
 
     by: By = "likelihood"
@@ -186,7 +186,7 @@ class ByLikelihood:
             )
 
 
-class ByTruth:
+class SimulationObjective:
     """Tuning by the errors against simulated truth."""
 
     by: By = "truth"
@@ -303,7 +303,7 @@ def _with_few_modes(machine: Machine) -> Machine:
     if not isinstance(rotor, OfMatrices) or bending is None:
         return machine
     f = rotor.every_mode.frequency / (2 * math.pi)
-    heard = f <= end_of_range(machine.sampling_time, machine.speed)
+    heard = f <= max_frequency(machine.sampling_time, machine.speed)
     count = max(1, int(np.count_nonzero(heard)))
     if count >= len(bending.frequency) - bending.attached:
         return machine

@@ -35,11 +35,11 @@ from ambkit.base.config import toml_text
 from ambkit.base.config.problems import (
     Problem,
     dotted,
+    expected_quantity,
     fields_of,
     in_words,
     located,
     names_of,
-    quantity_of,
     settings_of,
 )
 from ambkit.base.errors import ConfigError, shortened
@@ -140,7 +140,7 @@ class Part(BaseModel, metaclass=_OwnNames):
         json_schema = handler(schema)
         properties = handler.resolve_ref_schema(json_schema)["properties"]
         for name, field in fields_of(cls).items():
-            quantity = quantity_of(field)
+            quantity = expected_quantity(field)
             if quantity and isinstance(field.default, float):  # as in a file
                 properties[name]["default"] = quantity.write(field.default)
             elif isinstance(field.default, BaseModel):  # its keys have their own defaults
@@ -149,7 +149,7 @@ class Part(BaseModel, metaclass=_OwnNames):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _tell_all(
+    def _collect_problems(
         cls, data: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo
     ) -> Self:
         problems: list[Problem] = []

@@ -161,11 +161,11 @@ def _purpose(field: FieldInfo) -> str:
         return f": {table_of(field.annotation)}"
     about = " ".join((field.description or "").split()).rstrip(".")
     about = f": {about[:1].lower()}{about[1:]}" if about else ""
-    quantity = quantity_of(field)
+    quantity = expected_quantity(field)
     return f"{about}, such as {quantity.shown_example()}" if quantity else about
 
 
-def quantity_of(field: FieldInfo) -> Quantity | None:
+def expected_quantity(field: FieldInfo) -> Quantity | None:
     """Return the annotation of a key for a value with a unit, or a list of them."""
     return _find_quantity((field.annotation, *field.metadata))
 
@@ -176,7 +176,7 @@ _NAMES = ("name", "description", "source")  #: Fields with the name of a descrip
 def settings_of(part: Any, text: Callable[..., str] = units.figure) -> Iterator[str]:
     """Yield the values of a part that differ from the defaults."""
     for name, field in type(part).model_fields.items():
-        value, quantity = getattr(part, name), quantity_of(field)
+        value, quantity = getattr(part, name), expected_quantity(field)
         words = (field.alias or name).replace("_", " ")
         if value is None or (value == field.default and not field.is_required()):
             continue

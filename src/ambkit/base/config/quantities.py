@@ -18,14 +18,14 @@ place_of_signal: "ContextVar[SignalIn | None]" = ContextVar("place of a signal",
 """Place of the signal that is being read or written."""
 
 
-class Said(float):
+class ParsedValue(float):
     """A value of a signal with its unit, before its place of use is known."""
 
     text: str  #: Original text.
     unit: str  #: As in `Quantity`, with ``@`` for the unit of the place.
 
     @classmethod
-    def of(cls, text: str, unit: str) -> "Said":
+    def of(cls, text: str, unit: str) -> "ParsedValue":
         """Parse a text like ``"50 µm"``."""
         quantity = cls(units.parse(text, units.base_unit(text)))
         quantity.text, quantity.unit = text, unit
@@ -94,7 +94,7 @@ class Quantity:
             for other in self.also:
                 with suppress(ValueError):
                     return InOther.of(units.parse(value, other), self.also[0])
-            return Said.of(value, self.unit) if unit is None else units.parse(value, unit)
+            return ParsedValue.of(value, self.unit) if unit is None else units.parse(value, unit)
         if isinstance(value, bool) or not isinstance(value, numbers.Real):
             raise ValueError(f"{json.dumps(value, default=repr)} is not a number")
         if in_file and unit != "1":
@@ -158,7 +158,7 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class WordOrQuantity(Quantity):
+class KeywordOrQuantity(Quantity):
     """Marks a value that is one of some words, or a quantity."""
 
     # Used as ``Annotated[float | Literal["none"], WordOrQuantity("rad", "45 deg", words=...)]``.
@@ -187,7 +187,7 @@ class WordOrQuantity(Quantity):
 
 
 @dataclass(frozen=True)
-class OneOrEach(Quantity):
+class ScalarOrList(Quantity):
     """Marks one quantity for all, or a list with one for each."""
 
     # Used as ``Annotated[float | tuple[float, ...], OneOrEach("m^2", "225 µm^2")]``.
@@ -198,12 +198,12 @@ class OneOrEach(Quantity):
             return super().read(value, info)
         if not value:
             raise self._wrong(f"must not be empty, write it like {self.shown_example()}")
-        return tuple(super(OneOrEach, self).read(item, info) for item in value)
+        return tuple(super(ScalarOrList, self).read(item, info) for item in value)
 
     def write(self, value: Any) -> Any:
         """Return the content for a file, which is read as exactly `value`."""
         if isinstance(value, tuple):
-            return [super(OneOrEach, self).write(item) for item in value]
+            return [super(ScalarOrList, self).write(item) for item in value]
         return super().write(value)
 
     def __get_pydantic_json_schema__(
@@ -244,7 +244,7 @@ class SignalIn:
     def _check(self, signal: Any) -> None:
         """Reject a value in the unit of something else, once its place is known."""
         match signal:
-            case Said(text=text, unit=unit):
+            case ParsedValue(text=text, unit=unit):
                 try:
                     units.parse(text, unit.replace("@", self.unit))
                 except ValueError as error:

@@ -87,7 +87,7 @@ def _read(lines: list[str], result: TomlText) -> None:
             elif done:  # the error may begin above
                 done = 0
             elif mended is not None:
-                result.problems += _drop_twins(lines) or [(at, advice)]
+                result.problems += _drop_duplicates(lines) or [(at, advice)]
                 lines[at - 1] = mended
             else:
                 result.problems.append((at, advice))
@@ -114,7 +114,7 @@ def _loads(text: str) -> dict[str, Any]:
         ) from None
 
 
-def _drop_twins(lines: list[str]) -> list[tuple[int, str]]:
+def _drop_duplicates(lines: list[str]) -> list[tuple[int, str]]:
     """Remove each line whose key is a duplicate in its table, and report it."""
     problems: list[tuple[int, str]] = []
     seen: set[Path] = set()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.registry import InCore, in_core_of
+from ambkit.estimate.registry import CoreKernel, core_kernel
 
 CPrecision = Literal["float", "double"]
 
@@ -116,9 +116,9 @@ def precision_of(filter: Estimator | None) -> CPrecision:
     return "float" if filter is not None and filter.precision == "float32" else "double"
 
 
-def called(filter: Estimator) -> InCore:
+def called(filter: Estimator) -> CoreKernel:
     """Return the core interface of an estimator."""
-    result = in_core_of(filter)
+    result = core_kernel(filter)
     if result is None:
         raise AmbkitError(f"the {filter.name} cannot be exported yet")
     return result

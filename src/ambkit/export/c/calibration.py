@@ -15,7 +15,7 @@ from ambkit.export.c import c_literals
 from ambkit.export.c.c_literals import Constants, CPrecision, Name
 from ambkit.export.c.controller_test_cases import speeds_of
 from ambkit.export.c.limits import Limits, Number, limits
-from ambkit.machine.axes import bias_forces_of
+from ambkit.machine.axes import bias_forces
 from ambkit.simulation.scenario import Scenario
 
 SOURCES = ("src/calibration.c", "src/scaled.c")
@@ -102,7 +102,7 @@ def limits_of(controller: Controller) -> Limits:
 
 def _fields(controller: Controller, name: str) -> dict[str, Any]:
     filter, machine = controller.estimator, controller.plant.machine
-    bias = np.array(bias_forces_of(filter.magnet, machine))
+    bias = np.array(bias_forces(filter.magnet, machine))
     within, of = limits_of(controller), numbers(controller)
     kinds = [item.name for item in PARAMETERS]
     return {

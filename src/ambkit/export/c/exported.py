@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.estimate.angle import angle_settings
-from ambkit.estimate.registry import PAPER, InCore
+from ambkit.estimate.registry import PAPER, CoreKernel
 from ambkit.export import core_sources
 from ambkit.export.c import c_literals, calibration, control, controller_test_cases, model, rebuilt
 from ambkit.export.c.c_literals import Constants, CPrecision, Crc, Kind, Name
@@ -79,7 +79,7 @@ class Export:
         return [Kind(*magnet.in_c) for magnet in self.magnets]
 
     @cached_property
-    def in_core(self) -> InCore | None:
+    def in_core(self) -> CoreKernel | None:
         """Core interface of the estimator; None for the paper's filter by itself."""
         called = c_literals.called(self.filter)
         usual = not (self.several or self.controller or self.rebuilt or self.distinction)

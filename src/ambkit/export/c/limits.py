@@ -22,7 +22,7 @@ from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.machine.magnets import ConstantStiffness
 
 PEAK = 4.0
@@ -132,7 +132,7 @@ class _Loops:
         self.controller, self.numbers = controller, numbers
         machine, isolated = controller.plant.machine, controller.plant.isolated
         point = OperatingPoint.nearest(isolated[0]) if machine.single else None
-        self.of = LoopOf(machine, point=point, law=controller.law)
+        self.of = LoopBuilder(machine, point=point, law=controller.law)
         self.gains = np.array([b.amplifier.gain for b in isolated])
         room = [
             min(b.current_max - iu, iu - b.current_min)

@@ -9,7 +9,7 @@ import numpy as np
 from ambkit.estimate.core_model import NUMBERS, arrays
 from ambkit.estimate.rebuild import Rebuild
 from ambkit.export.c import c_literals
-from ambkit.machine.axes import bias_forces_of
+from ambkit.machine.axes import bias_forces
 from ambkit.models.model import Model
 
 SOURCES = ("src/rebuild.c", "src/sampling.c", "src/transition.c")
@@ -84,7 +84,7 @@ def _settings(export: Any, names: tuple[str, ...]) -> Any:
             key = f"{name}_{reading.sensor.name}" if reading.sensor.name else name
             if key in names:
                 yield f"set.{field}[{r}] = (amb_real)parameters[{names.index(key)}];"
-    bias = np.array(bias_forces_of(filter.magnet, machine))
+    bias = np.array(bias_forces(filter.magnet, machine))
     carried = np.asarray(filter.core.parameters["set"]["f_0"], float) - bias
     for f, force in enumerate(carried if "mass" in names else ()):
         if force:

@@ -113,7 +113,7 @@ class RigStart(NamedTuple):
         else:
             q = plant.resting() * (scenario.start == "landed")
             place = plant.H @ q
-        by, rigid = np.zeros(plant.H.T.shape), len(machine.rigid_positions)
+        by, rigid = np.zeros(plant.H.T.shape), len(machine.rigid_coordinates)
         by[:rigid] = np.linalg.pinv(plant.H[:, :rigid])
         return cls(place, q, by, scenario.substeps, max(map(abs, speeds)))
 

@@ -284,7 +284,7 @@ def _speed(machine: Machine) -> list[Variable]:
 
 def base_inputs(machine: Machine) -> list[str]:
     """Return the directions x, y, z of a machine's foundation, "" if it cannot move."""
-    ways = () if machine.rotor.type == "mass" else machine.rigid_positions
+    ways = () if machine.rotor.type == "mass" else machine.rigid_coordinates
     return [f"base_{way}" if way in ways else "" for way in "xyz"]
 
 

@@ -90,7 +90,7 @@ class Corpus(Result):
         ),
         ("parameters",): Section("All logs together", across=True),
         ("alone",): Section("Each log separately", across=True),
-        ("in_flight", "flights"): Section(
+        ("levitated", "flights"): Section(
             "The magnet during levitation, the gap as described", across=True
         ),
         ("cut",): Section("Segments of the logs", across=True),
@@ -149,7 +149,7 @@ class Corpus(Result):
                 Row("amplitude", "current amplitude", flight.amplitude, "A", 2),
                 Row("factor", "described / identified", flight.factor,
                     error=flight.factor * flight.error),
-            ], section=("in_flight", "flights"), of=log)  # fmt: skip
+            ], section=("levitated", "flights"), of=log)  # fmt: skip
         for log, parts in self.stretches.items():
             said = [f"{s.kind} {s.begin:.3g} to {s.end:.3g} s" for s in parts]
             cuts = "; ".join(said[:8] + ["..."] * (len(said) > 8))
@@ -190,7 +190,7 @@ class Corpus(Result):
             "lines": [h.model_dump() for h in self.model.isolated.sensor.hum],
             "left_out": dict(self.left_out),
             "spikes": dict(self.spikes),
-            "in_flight": None if self.strength_loss is None else asdict(self.strength_loss),
+            "levitated": None if self.strength_loss is None else asdict(self.strength_loss),
         }  # fmt: skip
 
     def figures(self) -> list[Figure]:

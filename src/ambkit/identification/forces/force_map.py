@@ -22,7 +22,7 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import SCALE, smooth
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import equally_far, magnet_of
+from ambkit.machine.magnets import magnet_of, symmetric_current_limit
 
 FINE = 65
 """Nodes per side of the filter's table over the range of the records: several per node of the map,
@@ -159,8 +159,8 @@ class _Corrected:
     """A machine's law with a correction between the nodes of a grid, as a table of the core."""
 
     # The core's magnets give their force as ``k_i iu + k_s x``; the correction is divided between
-    # the two as in the paper's least squares (`equally_far`), and its value at the origin, which no
-    # stiffness can give, belongs to the disturbance.
+    # the two as in the paper's least squares (`symmetric_current_limit`), and its value at the
+    # origin, which no stiffness can give, belongs to the disturbance.
 
     machine: Machine
     nodes: tuple[Array, Array]  #: Of displacement and current.
@@ -179,7 +179,7 @@ class _Corrected:
                   for axis, nodes in zip((x, iu), self.nodes, strict=True)]  # fmt: skip
         origin = [np.clip(0.0, nodes[0], nodes[-1]) for nodes in self.nodes]
         more = bent(np.stack(inside, axis=-1)) - float(bent(np.array([origin]))[0])
-        ampere, metre = equally_far(b)
+        ampere, metre = symmetric_current_limit(b)
         size = (iu / ampere) ** 2 + (x / metre) ** 2
         part = np.divide(more, size, out=np.zeros_like(more), where=size > 0)
         k_i, k_s = magnet_of(b).stiffness(iu, x)

@@ -85,16 +85,16 @@ class CurrentState:
     def driving(self, model: LoopModel) -> LoopModel:
         """Return a model whose filter has the true current as a state."""
         T = model.isolated.sampling_time
-        return model.replace(memory=self.memory, amplifier__noise_variance=self._strays(T))
+        return model.replace(memory=self.memory, amplifier__noise_variance=self._is_implausible(T))
 
     def measuring(self, model: LoopModel) -> LoopModel:
         """Return a model for the measured current, with all of its noise."""
         result, T = model.isolated.amplifier.noise_variance, model.isolated.sampling_time
         sensor = (self.noise / self.amplifier_gain) ** 2
-        noise = max(sensor + result - self._strays(T), 0.1 * sensor)
+        noise = max(sensor + result - self._is_implausible(T), 0.1 * sensor)
         return model.replace(memory=0.0, amplifier__noise_variance=noise)
 
-    def _strays(self, T: float) -> float:
+    def _is_implausible(self, T: float) -> float:
         """Return the variance of the deviation from the control in each sample of T [s], [V^2]."""
         # Behind the lag `memory` the deviation is `unknown`.
         keep = math.exp(-T / self.memory)

@@ -311,7 +311,7 @@ def _select(tests: _Tests, model: LoopModel, data: Data) -> list[Departure]:
     taken: list[int] = []
     refused: list[int] = []
     while len(result) < MOST:
-        best, statistic = _clearest(tests, model, taken, refused)
+        best, statistic = _best_candidate(tests, model, taken, refused)
         if best < 0:
             return result
         _, slope, precision = _one_more(tests, taken)
@@ -335,7 +335,7 @@ def _select(tests: _Tests, model: LoopModel, data: Data) -> list[Departure]:
     return result
 
 
-def _clearest(
+def _best_candidate(
     tests: _Tests, model: LoopModel, taken: Sequence[int], refused: Sequence[int] = ()
 ) -> tuple[int, float]:
     """Return the most significant structure beside those taken and its statistic; -1 if none is."""

@@ -154,7 +154,7 @@ class OnlineComparison(Result):
             for name, result in self.results.items()
             if not result.settled
         ]
-        load = self._load_for_the_magnet()
+        load = self._disturbance_bias()
         if load is not None:
             remarks.append(
                 f"ADALINE attributes an unknown disturbance force to the magnet, and least squares "
@@ -168,7 +168,7 @@ class OnlineComparison(Result):
             )
         return remarks
 
-    def _load_for_the_magnet(self) -> float | None:
+    def _disturbance_bias(self) -> float | None:
         """Return the disturbance of least squares [N], if it explains the difference of ADALINE."""
         adaline, rls = self.results["adaline"], self.results["rls"]
         if not (isinstance(rls, LeastSquaresResult) and isinstance(adaline, AdalineResult)):

@@ -19,7 +19,7 @@ from ambkit.estimate.machine_model import View
 from ambkit.judge.comparison.bound import bearing_bound
 from ambkit.judge.comparison.cases import Case, Trial, in_the_loop, trials
 from ambkit.judge.comparison.criteria import OF_THE_LOOP, SETTLING, evaluate_run, rows_along
-from ambkit.judge.comparison.score import Bench, Score, half_width, mean
+from ambkit.judge.comparison.score import Comparison, Score, half_width, mean
 from ambkit.judge.comparison.tuning import SIGNALS, Candidate, Tuning, errors, tune
 from ambkit.machine.axes import slowest_time
 from ambkit.machine.machine import Machine
@@ -40,7 +40,7 @@ def bench(
     seed: int = 0,
     threads: int = 2,
     done: Callable[[], None] = lambda: None,
-) -> Bench:
+) -> Comparison:
     """Compare estimators in one case."""
     made = trials(case, machine, runs, seed)
     valid = [trial for trial in made if not trial.lost]
@@ -76,7 +76,7 @@ def bench(
             tunings = list(pool.map(search, field.values()))
         default = scores()
         tuned = scores(tunings) if tunings else {}
-    return Bench(
+    return Comparison(
         machine=machine,
         case=case,
         runs=runs,

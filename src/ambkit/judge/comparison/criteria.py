@@ -245,7 +245,7 @@ def delay(estimated: Array, load: Load, T: float) -> float:
 
 def per_run(benches: Mapping[str, Any]) -> Table:
     """Return a row for each case and run, columns by filter and criterion."""
-    # Each case is an `ambkit.judge.comparison.score.Bench`.
+    # Each case is an `ambkit.judge.comparison.score.Comparison`.
     columns: dict[str, list[Any]] = {"case": [], "run": []}
     units = {"case": "1", "run": "1"}
     for place, bench in enumerate(benches.values()):

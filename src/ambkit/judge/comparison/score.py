@@ -60,7 +60,7 @@ class Score:
 
 
 @dataclass(frozen=True, repr=False)
-class Bench(Result):
+class Comparison(Result):
     """Comparison in one case."""
 
     machine: Machine  #: Machine assumed by the estimators.
@@ -194,11 +194,11 @@ class Bench(Result):
         return [matrix_figure(self), cost_figure(self)]
 
 
-class Benches(Result, dict[str, Bench]):
+class ComparisonSet(Result, dict[str, Comparison]):
     """The comparison in several cases, by name."""
 
     @property
-    def _first(self) -> Bench:
+    def _first(self) -> Comparison:
         return next(iter(self.values()))
 
     def file(self) -> Table:

@@ -20,7 +20,7 @@ from ambkit.judge.comparison.comparison import TRAINING, Sweep, bench, sweep
 from ambkit.judge.comparison.conditions import CERTAIN
 from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, per_run
 from ambkit.judge.comparison.figures import efficiency_figure, run_figure, sweep_figure
-from ambkit.judge.comparison.score import Bench, Benches
+from ambkit.judge.comparison.score import Comparison, ComparisonSet
 from ambkit.judge.comparison.tuning import Candidate, candidates, suited
 from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
@@ -64,7 +64,7 @@ SWEEP_RUNS = 4  #: Runs per point of a sweep.
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
-class Study(Bench):
+class Study(Comparison):
     """A comparison in one case, with sweeps around it."""
 
     field: Mapping[str, Candidate]  #: The estimators.
@@ -75,7 +75,7 @@ class Study(Bench):
     wrong_k: Sweep | None = None
     limit_steps: Sweep | None = None
     #: The case with a known bound, with the defaults, which are optimal there.
-    model: Bench | None = None
+    model: Comparison | None = None
     #: Writes the tuned filters into a folder.
     save_filters: Callable[[Any, Path], object] | None = None
     #: Returns the objections to each kind.
@@ -245,11 +245,11 @@ def across(
     seed: int = 0,
     magnets: Mapping[str, MagnetModel] | None = None,
     done: Callable[[str], None] = lambda _text: None,
-) -> Benches:
+) -> ComparisonSet:
     """Compare estimators in several cases, tuned in each."""
     known: dict[tuple[bool, int], dict[str, MagnetModel]] = {}
 
-    def compared(case: Case) -> Bench:
+    def compared(case: Case) -> Comparison:
         learns_from = case.saturates, id(case.magnet)
         if learns_from not in known:
             known[learns_from] = learned(case, machine, names, magnets)
@@ -258,4 +258,4 @@ def across(
             magnets=known[learns_from], robustness=False, done=done,
         )  # fmt: skip
 
-    return Benches({name: compared(case) for name, case in cases.items()})
+    return ComparisonSet({name: compared(case) for name, case in cases.items()})

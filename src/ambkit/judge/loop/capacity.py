@@ -161,7 +161,7 @@ def demands(
     # i/s``, which current and motion change. Of a radial bearing the displacement is that of the
     # orbit.
     # current_noise (p,) [A]; position_noise (p,) [m]
-    isolated, pairs = isolated_axes(of), pairs_of(of)
+    isolated, pairs = isolated_axes(of), synchronous_pairs(of)
     x0, iu = np.atleast_1d(point.x), np.atleast_1d(point.iu)
     displacement = orbit(x0, pairs) + SIGMAS * position_noise
     swing, square = SIGMAS * current_noise, iu**2 + current_noise**2
@@ -172,7 +172,7 @@ def demands(
     capacities = _capacities(loop, of, point, displacement, swing)
     results = []
     for k, b in enumerate(isolated):
-        R, coils = b.amplifier.resistance, squares_of_coils(b, float(iu[k]), float(square[k]))
+        R, coils = b.amplifier.resistance, coil_current_squares(b, float(iu[k]), float(square[k]))
         warm = heating(b, coils)
         loss = None if R is None else R * sum(coils) if warm is None else warm.loss
         far, most = float(displacement[k]), float(abs(iu[k]) + swing[k])
@@ -180,7 +180,7 @@ def demands(
     return results
 
 
-def squares_of_coils(machine: Machine, iu: float, square: float) -> list[float]:
+def coil_current_squares(machine: Machine, iu: float, square: float) -> list[float]:
     """Return the mean squares of the currents of an axis's coils [A^2]."""
     swinging = square - iu**2
     sides = (1.0, -1.0) if machine.magnet.type == "two-sided" else (1.0,)
@@ -191,7 +191,7 @@ def _capacities(
     loop: Loop, of: Machine, point: OperatingPoint, displacement: Array, swing: Array
 ) -> list[Capacity]:
     """Return the load capacity along each axis; a load moves all axes."""
-    isolated, pairs, weights = isolated_axes(of), pairs_of(of), weights_of(of)
+    isolated, pairs, weights = isolated_axes(of), synchronous_pairs(of), weights_of(of)
     x0, iu = np.atleast_1d(point.x), np.atleast_1d(point.iu)
     f = np.geomspace(1e-3 * loop.nyquist, HIGHEST * loop.nyquist, 400)
     gains = np.array([b.amplifier.gain for b in isolated])
@@ -241,7 +241,7 @@ def orbit(x: NDArray[Any], pairs: Sequence[Sequence[int]]) -> Array:
     return far
 
 
-def pairs_of(of: Machine) -> list[tuple[int, ...]]:
+def synchronous_pairs(of: Machine) -> list[tuple[int, ...]]:
     """Return the axes of each bearing, by their numbers."""
     bearings = [axis.bearing for axis in of.axes]
     return [

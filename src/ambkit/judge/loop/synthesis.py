@@ -137,7 +137,7 @@ def _control() -> Any:
     return control
 
 
-def beside_each_other(item: list[LinearSystem], transform: Array, names: list[str]) -> LinearSystem:
+def block_diagonal(item: list[LinearSystem], transform: Array, names: list[str]) -> LinearSystem:
     """Return controllers of isolated axes as one, fed by the displacements of the axes."""
     # shown (p, m)
     from scipy.linalg import block_diag

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
-from ambkit.machine.force_law import Law, equally_far
+from ambkit.machine.force_law import Law, symmetric_current_limit
 from ambkit.machine.forces.force_points import ForcePoints
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ class PatchedForce(Law):
             p.current[0],
             p.current[1] - p.current[0],
             *(np.ascontiguousarray(values) for values in nodes),
-            *equally_far(self.machine),
+            *symmetric_current_limit(self.machine),
         )
 
     @property

@@ -54,7 +54,7 @@ class WhirlError(NamedTuple):
         return self.share if math.isnan(self.left_out) else math.inf
 
 
-def end_of_range(T: float, speed: float | None = None) -> float:
+def max_frequency(T: float, speed: float | None = None) -> float:
     """Return the upper end of the standard's range [Hz]."""
     return min(max(RANGE, 3 * abs(speed or 0.0) / (2 * math.pi)), 0.5 / T)
 
@@ -110,7 +110,7 @@ def enough(rotor: Any, T: float, speed: float, tolerance: float) -> float:
     # tolerance; none is faster than half the sampling rate.
     every = rotor.every_mode
     f = every.frequency / (2 * math.pi)
-    highest, speeds = end_of_range(T, speed), speeds_of(speed)
+    highest, speeds = max_frequency(T, speed), speeds_of(speed)
     seen = max(1, int(np.count_nonzero(f < 0.5 / T)))
     n = min(seen, max(1, int(np.count_nonzero(f <= SPARE * highest))))
     sharp = SHARP * tolerance
@@ -195,7 +195,7 @@ def body_of(matrices: Matrices) -> Body:
 
 
 @dataclass(frozen=True, eq=False)
-class OverNodes:
+class NodalShape:
     """Shapes from deflections at nodes, interpolated by the beam's functions."""
 
     vectors: Array  #: w and th of each node for each mode (2 nodes, modes).
@@ -221,7 +221,7 @@ class OverNodes:
 class Residual:
     """Residual flexibility of the truncated modes."""
 
-    over: OverNodes
+    over: NodalShape
     modes: Array = field(repr=False)  #: All bending modes (2 nodes, all), of unit mass [kg].
     squares: Array = field(repr=False)  #: Their squared frequencies (all,) [1/s^2].
     kept: int  #: Number of retained modes.
@@ -242,7 +242,7 @@ def reduced(
     """Return the modes of a rotor up to a frequency."""
     squares, modes = matrices.free_modes
     mode_count = int(np.count_nonzero(squares <= highest**2))
-    over = OverNodes(np.zeros((len(modes), 0)), matrices.place, matrices.shear)
+    over = NodalShape(np.zeros((len(modes), 0)), matrices.place, matrices.shear)
     frequencies, vectors = np.sqrt(squares[:mode_count]), modes[:, :mode_count]
     attached = 0
     if attachments:
@@ -262,8 +262,8 @@ def reduced(
     with_rigid = np.column_stack([across, tilted, vectors])
     polar = with_rigid[:, 1:].T @ matrices.G @ with_rigid[:, 1:]
     if damping_ratio is not None:
-        of_modes = 2 * damping_ratio * mass * frequencies
-        damping = np.diag(np.concatenate([[0.0, 0.0], of_modes]))
+        modal_damping = 2 * damping_ratio * mass * frequencies
+        damping = np.diag(np.concatenate([[0.0, 0.0], modal_damping]))
     elif matrices.D is not None:
         damping = with_rigid.T @ matrices.D @ with_rigid
     elif internal_ratio is not None or matrices.D_internal is not None:
@@ -272,7 +272,7 @@ def reduced(
         raise ValueError("missing: no damping of the modes is given")
     return Bending(
         frequencies, mass, (damping + damping.T) / 2, (polar + polar.T) / 2,
-        OverNodes(vectors, matrices.place, matrices.shear), (body.first_end, body.second_end),
+        NodalShape(vectors, matrices.place, matrices.shear), (body.first_end, body.second_end),
         _internal(matrices, vectors, internal_ratio, mass * frequencies),
         tuple(np.sqrt(squares[mode_count : mode_count + 3]).tolist()),
         Residual(over, modes, squares, len(squares) if attached else mode_count), attached,
@@ -290,7 +290,7 @@ def _internal(matrices: Matrices, vectors: Array, ratio: float | None, sizes: Ar
 
 
 def _attached(
-    over: OverNodes, modes: Array, squares: Array, places: Sequence[float]
+    over: NodalShape, modes: Array, squares: Array, places: Sequence[float]
 ) -> tuple[Array, Array]:
     """Return unit-mass shapes and frequencies with the static compliance of all modes at places."""
     from scipy.linalg import eigh

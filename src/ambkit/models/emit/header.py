@@ -72,7 +72,7 @@ def header(
         *(f"#define AMB_{what} {count}" for what, count in counts.items()),
         f"#define AMB_TRIANGLE {len(names.pairs)}",
         "#define AMB_WORK 1 /* nothing is needed */\n",
-        *steps.firsts(names),
+        *steps.initial_values(names),
         "",
         struct(names),
         "#ifndef AMB_SIDE_BY_SIDE /* vectors of filters take theirs from the scalars' */",

@@ -105,7 +105,7 @@ class Names:
         self.where = {pair: at for at, pair in enumerate(self.pairs)}
         self.constants = self._constants(naming or {})
         self.between = "_" if self.n > 10 else ""
-        reserved = {"F", "iu", "mean", "model", *(self.whole_force(f) for f in range(self.p))}
+        reserved = {"F", "iu", "mean", "model", *(self.total_force(f) for f in range(self.p))}
         reserved |= KEYWORDS | set(self.constants.values())
         self.state = [at.name + "_" * (at.name in reserved) for at in model.states]
 
@@ -151,7 +151,7 @@ class Names:
         """Return a name for a state (or force) and a control."""
         return f"{name}{i}" if self.c == 1 else f"{name}{i}_{at}"
 
-    def whole_force(self, f: int) -> str:
+    def total_force(self, f: int) -> str:
         """Return the name of the total force at a magnet's place."""
         return "f_all" if self.p == 1 else f"f_all{f}"
 

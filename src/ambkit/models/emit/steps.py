@@ -188,7 +188,7 @@ def equilibrium(names: Names) -> str:
     return names.function(doc, "equilibrium", [MEAN], body)
 
 
-def firsts(names: Names) -> list[str]:
+def initial_values(names: Names) -> list[str]:
     """Return macros with the first state of each existing role."""
     roles = [ROLES[state.role] for state in names.model.states]
     return [
@@ -272,7 +272,7 @@ def predict_mean(names: Names) -> str:
         terms = [product(f"F[{f}]")]
         terms += [product(r, names.state[j]) for j, r in names.entries("r", f)]
         riders += [names.model.states[j].name for j, _ in names.entries("r", f)]
-        total_forces.append(stages.add(names.whole_force(f), terms))
+        total_forces.append(stages.add(names.total_force(f), terms))
     changed = {}
     for i, state in enumerate(names.state):
         terms = [product(a, names.state[j]) for j, a in names.entries("L", i)]

@@ -10,7 +10,7 @@ from ambkit.data.signals import signal
 from ambkit.models.declaration import Part, Plan
 from ambkit.models.parts.amplifier import Amplifier
 from ambkit.models.parts.disturbance import Disturbance
-from ambkit.models.parts.magnet import MagnetPlace
+from ambkit.models.parts.magnet import MagnetForce
 from ambkit.models.parts.rotor import Rotor
 from ambkit.models.parts.sensor import Sensor
 from ambkit.models.parts.typical_sizes import Typical
@@ -60,7 +60,7 @@ class WhiteAcceleration:
 def plain_parts(machine: Any, **_: Any) -> list[Part]:
     """Return a machine's rotor, magnets, disturbance forces and sensors only."""
     sizes = [Typical.of(machine.isolated_axis(axis.name)) for axis in machine.axes]
-    known = (kind.of(machine, sizes) for kind in (Rotor, MagnetPlace, Disturbance, Sensor))
+    known = (kind.of(machine, sizes) for kind in (Rotor, MagnetForce, Disturbance, Sensor))
     currents = (replace(item, bandwidth=None) for item in Amplifier.of(machine, sizes))
     return [*(part for parts in known for part in parts), *currents]
 
@@ -70,7 +70,7 @@ def free_parts(machine: Any, acceleration: float, **_: Any) -> list[Part]:
     sizes = [Typical.of(machine.isolated_axis(axis.name)) for axis in machine.axes]
     return [
         *Rotor.of(machine, sizes),
-        *MagnetPlace.of(machine, sizes),
+        *MagnetForce.of(machine, sizes),
         *UnknownForce.of(machine, sizes),
         WhiteAcceleration(acceleration),
         *(replace(item, lag=None) for item in Sensor.of(machine, sizes)),

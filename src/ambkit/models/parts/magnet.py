@@ -16,7 +16,7 @@ TURN = 0.5
 
 
 @dataclass(frozen=True)
-class MagnetPlace:
+class MagnetForce:
     """A magnet's force, and the displacement on which it depends."""
 
     size: float  #: Typical force [N].
@@ -26,7 +26,7 @@ class MagnetPlace:
     """Current stiffness [N/A], for changes of the force within a sample; None: held."""
 
     @classmethod
-    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[MagnetPlace]:
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[MagnetForce]:
         """Return the magnet places of each axis."""
         # Whether a mode is fast enough to follow the current within a sample.
         bending = machine.bending

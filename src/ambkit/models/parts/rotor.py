@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.machine.geometry import bent_by, masses, modal_positions
+from ambkit.machine.geometry import masses, modal_positions, static_deflection
 from ambkit.machine.rotors.modes import Bending
 from ambkit.models.declaration import UNIT, Plan
 from ambkit.models.parts.typical_sizes import Typical
@@ -179,7 +179,7 @@ def _typical_bendings(machine: Any, sizes: Sequence[Typical]) -> dict[str, tuple
     most = np.full(len(positions), least)
     for k, size in enumerate(sizes):
         pull = size.force * np.eye(len(sizes))[k]
-        most = np.maximum(most, np.abs(bent_by(machine, pull)))
+        most = np.maximum(most, np.abs(static_deflection(machine, pull)))
     rates = bending.frequency.repeat(2)
     return {
         q: (float(far), float(far * rate))

@@ -63,12 +63,12 @@ class SynchronousForce:
             if self.speeding:
                 force_inputs |= {q: way * self.speeding * item for q, item in row(beside).items()}
             plan.push(state, force_inputs)
-        _turn(plan, x, y, self.speed)
+        _rotate(plan, x, y, self.speed)
         grown = dict.fromkeys((x, y), 1 / plan.T)
         plan.noise(self.name, "kg m", self.growth, grown, walk=False)
 
 
-def _turn(plan: Plan, x: str, y: str, speed: float) -> None:
+def _rotate(plan: Plan, x: str, y: str, speed: float) -> None:
     plan.rate(x, y, -speed)
     plan.rate(y, x, speed)
 
@@ -119,7 +119,7 @@ class SynchronousRunout:
         c, s, _ = self.rotating
         for state in (c, s):
             plan.state(state, "m", self.size, "runout")
-        _turn(plan, c, s, self.order * self.speed)
+        _rotate(plan, c, s, self.order * self.speed)
         for sensor_state, gain, lag, cosine, sine in self.sensors:
             for state, share in ((c, cosine), (s, sine)):
                 if share:

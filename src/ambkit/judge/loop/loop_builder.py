@@ -29,11 +29,11 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.machine_model import View
 from ambkit.judge.loop.capacity import Turned, of_runout, of_unbalance
 from ambkit.judge.loop.margins import axis_peaks
-from ambkit.judge.loop.synthesis import LQG, Noise, beside_each_other, hinf, least_peaks
+from ambkit.judge.loop.synthesis import LQG, Noise, block_diagonal, hinf, least_peaks
 from ambkit.machine.axes import isolated_axes
 from ambkit.machine.components import Unbalance
 from ambkit.machine.machine import Machine
-from ambkit.machine.rotors.modes import end_of_range
+from ambkit.machine.rotors.modes import max_frequency
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.plant import Plant
 
@@ -46,7 +46,7 @@ def _plant_of(machine: Machine) -> Plant:
     return Plant(machine)
 
 
-class OutOfReachError(AmbkitError):
+class InfeasibleError(AmbkitError):
     """A filter cannot keep a limit on the sensitivity peak."""
 
     def __init__(self, message: str, nearest: Any = None) -> None:
@@ -76,7 +76,7 @@ def ideal_pieces(machine: Machine) -> dict[str, Machine]:
     return results
 
 
-class LoopOf:
+class LoopBuilder:
     """The loop of a machine at an operating point, for any filter."""
 
     def __init__(
@@ -99,7 +99,7 @@ class LoopOf:
         self.shown = view.H @ view.displayed
         self.added = np.asarray(np.linalg.pinv(self.shown), float)
         self.plant = plant(self.machine, self.point)
-        self.top = end_of_range(self.machine.sampling_time, self.machine.speed)
+        self.top = max_frequency(self.machine.sampling_time, self.machine.speed)
 
     def turned(self, loop: Loop) -> list[Turned]:
         """Return the synchronous response of a stable loop: runout, and unbalance or the orbit."""
@@ -173,30 +173,32 @@ class LoopOf:
             for name, (kp, ki, kd, T_f, aw, b, *_) in zip(result.names, result.pids, strict=True)
         }
 
-    def with_plant(self, plant: Machine, estimator: Estimator | None) -> LoopOf:
+    def with_plant(self, plant: Machine, estimator: Estimator | None) -> LoopBuilder:
         """Return the same controllers with estimate feedback and another plant."""
         control = self.control_for(estimator)
-        return LoopOf(plant, control, point=self.point, law=self.flown_by(estimator))
+        return LoopBuilder(plant, control, point=self.point, law=self.flown_by(estimator))
 
-    def at(self, point: OperatingPoint) -> LoopOf:
+    def at(self, point: OperatingPoint) -> LoopBuilder:
         """Return the same loop at another operating point."""
         moved = copy(self)
         moved.point, moved.plant = point, plant(self.machine, point)
         return moved
 
-    def at_speed(self, speed: float, fed_by: Estimator | None) -> tuple[LoopOf, Estimator | None]:
+    def at_speed(
+        self, speed: float, fed_by: Estimator | None
+    ) -> tuple[LoopBuilder, Estimator | None]:
         """Return the same controllers and filter at another speed [rad/s]."""
         machine = self.machine.model_copy(update={"speed": speed})
-        of = LoopOf(machine, self.control, point=self.point, law=self._law)
+        of = LoopBuilder(machine, self.control, point=self.point, law=self._law)
         return of, None if fed_by is None else fed_by.nominal.for_machine(machine)
 
-    def with_controllers(self, fed_by: Estimator | None, max_speed: float) -> LoopOf:
+    def with_controllers(self, fed_by: Estimator | None, max_speed: float) -> LoopBuilder:
         """Return the same loop with its controllers selected up to a speed [rad/s]."""
         moved = copy(self)
         moved._law = self.flown_by(fed_by, max_speed)
         return moved
 
-    def with_unbalance(self, scale: float) -> LoopOf:
+    def with_unbalance(self, scale: float) -> LoopBuilder:
         """Return the same loop of a machine whose unbalance is larger by a factor."""
         planes = tuple(
             Unbalance(place=place, amount=scale * amount, angle=angle)
@@ -244,7 +246,9 @@ class LoopOf:
         pids = control_law.pids_at(self.machine.speed)
         without = [[kp, 0.0, *rest] for kp, _ki, *rest in pids]
         control_law = replace(control_law, pids=without, schedule=None)
-        loop = LoopOf(self.machine, self.control, point=self.point, law=control_law).loop(estimator)
+        loop = LoopBuilder(self.machine, self.control, point=self.point, law=control_law).loop(
+            estimator
+        )
         if not loop.is_stable:
             return None
         return float(np.abs(np.diagonal(loop.compliance([0.0])[0])).max())
@@ -262,11 +266,11 @@ class LoopOf:
         """Return the loop of H-infinity controllers, one for each isolated axis."""
         parts = []
         for b in self.isolated:
-            of = self if len(self.isolated) == 1 else LoopOf(b)
+            of = self if len(self.isolated) == 1 else LoopBuilder(b)
             result = hinf(of.plant.select([of.plant.outputs[0].name], [of.plant.inputs[0].name]))
             gain = b.sensor.gain  # fed by the position
             parts.append(replace(result, B=gain * result.B, D=gain * result.D))
-        K = beside_each_other(parts, self.shown, [axis.name for axis in self.machine.axes])
+        K = block_diagonal(parts, self.shown, [axis.name for axis in self.machine.axes])
         K = replace(K, inputs=(*self.plant.outputs[: len(self.shown[0])], *K.inputs[-len(parts) :]))
         return self.around(K)
 
@@ -291,13 +295,13 @@ class LoopOf:
     def check(self, estimator: Estimator, peak_limit: float) -> None:
         """Reject a limit on the peak of abs(S) that this filter cannot keep."""
         if not tells(estimator):
-            raise OutOfReachError(
+            raise InfeasibleError(
                 f"{estimator.name}: it has no steady-state gain, so the sensitivity "
                 "peak is not defined"
             )
         least = self.least()[0]
         if not (math.isfinite(peak_limit) and peak_limit > least):
-            raise OutOfReachError(
+            raise InfeasibleError(
                 f"max_sensitivity must be above {least:.4g}, below which no linear controller "
                 f"brings the peak of |S| of {self.machine.name}; is {peak_limit:g}"
             )
