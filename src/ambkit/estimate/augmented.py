@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambkit.base.arrays import Array
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.estimate.core_model import Engine
-from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.estimator import Arguments, Estimator
 from ambkit.estimate.observer import unstable_pole
 from ambkit.machine.axes import bias_forces, ideal_laws
 from ambkit.machine.magnets import MagnetModel
 
 if TYPE_CHECKING:
-    from ambkit._core import Magnet
     from ambkit.machine.machine import Machine
 
 
@@ -60,6 +60,8 @@ class AugmentedKalmanFilter(Estimator):
     """
 
     name = "augmented-state extended Kalman filter"
+    binding = "Augmented"
+    _default_magnet = staticmethod(ideal_laws)
     steady = "tangent"
 
     def __init__(
@@ -80,9 +82,7 @@ class AugmentedKalmanFilter(Estimator):
             raise ValueError(f"wander must be 0 1/s or more, got {wander!r}")
         if not (0 < least <= 1 <= most < math.inf):
             raise ValueError(f"limits must be 0 < least <= 1 <= most, got {least!r}, {most!r}")
-        magnet = magnet or ideal_laws(machine)
         self._own: dict[str, Any] = {
-            "bias": bias_forces(magnet, machine),
             "std": scale_std,
             "var_k": wander * machine.sampling_time,
             "min": least,
@@ -91,9 +91,8 @@ class AugmentedKalmanFilter(Estimator):
         }
         super().__init__(machine, magnet, **options)
 
-    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
-        own = self._own | {"bias": np.array(self._own["bias"], self.precision)}
-        return engine.core.Augmented(magnet, engine.model_of_core, **own, **settings)
+    def _arguments(self, engine: Engine, settings: dict[str, Any]) -> Arguments:
+        return (), self._own | {"bias": _bias(self)}
 
 
 class MultipleModelFilter(Estimator):
@@ -131,6 +130,8 @@ class MultipleModelFilter(Estimator):
     """
 
     name = "interacting multiple models"
+    binding = "MultipleModel"
+    _default_magnet = staticmethod(ideal_laws)
 
     def __init__(
         self,
@@ -148,23 +149,21 @@ class MultipleModelFilter(Estimator):
         if not (math.isfinite(sojourn) and sojourn >= 2 * T):
             raise ValueError(f"sojourn must be two samples or more [s], got {sojourn!r}")
         self.scales = tuple(float(s) for s in scales)
-        magnet = magnet or ideal_laws(machine)
-        self._own: dict[str, Any] = {
-            "leave": T / sojourn,
-            "bias": bias_forces(magnet, machine),
-            **_learning(machine, excitation),
-        }
+        self._own = {"leave": T / sojourn, **_learning(machine, excitation)}
         super().__init__(machine, magnet, **options)
 
-    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
-        scales = np.array(self.scales, self.precision)
-        own = self._own | {"bias": np.array(self._own["bias"], self.precision)}
-        return engine.core.MultipleModel(magnet, engine.model_of_core, scales, **own, **settings)
+    def _arguments(self, engine: Engine, settings: dict[str, Any]) -> Arguments:
+        return [np.array(self.scales, self.precision)], self._own | {"bias": _bias(self)}
 
     @property
     def weights(self) -> dict[float, float]:
         """Probabilities of the factors."""
         return dict(zip(self.scales, map(float, self.core.weights), strict=True))
+
+
+def _bias(filter: Estimator) -> Array:
+    """Return the forces of its magnets at their origin [N], for the core."""
+    return np.array(bias_forces(filter.magnet, filter.machine), filter.precision)
 
 
 def _learning(machine: Machine, excitation: float) -> dict[str, float]:

@@ -8,7 +8,7 @@ and Navigation, 2001, ch. 6.2). It models no force, current or sensor lag, and h
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache, partial
 from typing import Any
 
@@ -22,7 +22,6 @@ from ambkit.machine.axes import force_laws, isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel, own_time
 from ambkit.machine.parts import GRAVITY
-from ambkit.models.declaration import Part
 from ambkit.models.parts.free import free_parts
 
 
@@ -91,12 +90,9 @@ class ConstantVelocity(KalmanFilter):
             raise ValueError(
                 f"{self.name}: it has no force in its model, so synchronous cannot be estimated"
             )
+        self._parts = partial(free_parts, acceleration=self.acceleration)
         known = options | {"gravity": "disturbance"}
         super().__init__(machine, no_force_of(machine), **known)
-
-    @property
-    def _parts(self) -> Callable[..., list[Part]]:
-        return partial(free_parts, acceleration=self.acceleration)
 
 
 DECADES = (-14, 4)  #: Range of the search, in decades of ``q T^3 / R``.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +11,10 @@ from numpy.typing import NDArray
 from ambkit.data.record import Record
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimate import Estimate
-from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.estimator import Arguments, Estimator
 from ambkit.machine.axes import ideal_laws
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
-
-if TYPE_CHECKING:
-    from ambkit._core import Magnet
 
 
 class ContactKalmanFilter(Estimator):
@@ -50,6 +47,8 @@ class ContactKalmanFilter(Estimator):
     """
 
     name = "extended Kalman filter, contact with stops"
+    binding = "Contact"
+    _default_magnet = staticmethod(ideal_laws)
     steady = "tangent"
 
     def __init__(
@@ -63,9 +62,9 @@ class ContactKalmanFilter(Estimator):
         if not (math.isfinite(scatter) and scatter >= 0):
             raise ValueError(f"scatter must be 0 or more, got {scatter!r}")
         self._scatter = scatter
-        super().__init__(machine, magnet or ideal_laws(machine), **options)
+        super().__init__(machine, magnet, **options)
 
-    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
+    def _arguments(self, engine: Engine, settings: dict[str, Any]) -> Arguments:
         T, dtype = self.machine.sampling_time, self.precision
         place, velocity = self.view.along_axes(engine.states)
         hastens = np.diag(velocity @ engine.model.b) / 2  # mean velocity by a newton [m/s/N]
@@ -86,9 +85,7 @@ class ContactKalmanFilter(Estimator):
         numbers, *rows = (
             np.ascontiguousarray(one, dtype) for one in (table[2:], displacement, velocity + loads)
         )
-        return engine.core.Contact(
-            magnet, engine.model_of_core, first, second, numbers, *rows, self._scatter, **settings
-        )
+        return (first, second, numbers, *rows, self._scatter), {}
 
     def contact_forces(self, estimate: Estimate, record: Record) -> NDArray[np.floating[Any]]:
         """Return the forces of the stops on the rotor.

@@ -27,15 +27,17 @@ from ambkit.models.machine_parts import machine_parts
 from ambkit.result.showing import Described
 
 if TYPE_CHECKING:
-    from ambkit._core import Magnet
     from ambkit.result.card import Card
+
+
+#: Arguments of a kind's class in the core, and those by name.
+Arguments = tuple[Sequence[Any], dict[str, Any]]
 
 
 class Estimator(AlongRecords, Described, Copyable):
     """An estimator of any kind: same inputs, same outputs, one interface in C.
 
-    Each kind selects its implementation in the core in `_build`
-    (``core/include/ambkit/estimator.h``).
+    Each kind names its implementation in the core (``core/include/ambkit/estimator.h``).
 
     Parameters
     ----------
@@ -75,12 +77,15 @@ class Estimator(AlongRecords, Described, Copyable):
     """
 
     name = "estimator"
+    binding = ""  # class of the core
+    _default_magnet: Callable[[Machine], MagnetModel] = staticmethod(constant_stiffness)
     description = ""
     """Purpose, as in its file."""
     start_std: Mapping[str, float] = MappingProxyType({})
     """Initial standard deviations other than the default, by state."""
     origin: Mapping[str, str] = MappingProxyType({})
     """Where a number came from, by its key in a filter's file."""
+    _parts: Callable[..., list[Part]] = staticmethod(machine_parts)  # in its model
     _of_core: tuple[str, ...] = ("core", "engine", "_core_step", "_live_mean")
     has_noise_estimate = True  # whether sensor noise with a memory is among its states
     side_by_side = True  # whether parallel runs can share it
@@ -121,7 +126,7 @@ class Estimator(AlongRecords, Described, Copyable):
         of_type(FilterNoise, noise=noise)
         self.machine: Any = machine
         self.view = View(machine)
-        self.magnet = constant_stiffness(machine) if magnet is None else force_laws(magnet, machine)
+        self.magnet = force_laws(self._default_magnet(machine) if magnet is None else magnet, machine)
         self.precision = precision
         self.engine = Engine(
             machine, precision, as_printed=as_printed, noise=self.has_noise_estimate,
@@ -137,8 +142,10 @@ class Estimator(AlongRecords, Described, Copyable):
             "outlier_limit": outlier_limit,
         }
         self._settings = settings
-        held = self.magnet.in_core(self.engine.core)
-        self.core: Any = self._build(self.engine, held, settings)
+        engine, core_class = self.engine, getattr(self.engine.core, self.binding)
+        args, own = self._arguments(engine, settings)
+        held = self.magnet.in_core(engine.core)
+        self.core: Any = core_class(held, engine.model_of_core, *args, **settings, **own)
         self.reset()
 
     @classmethod
@@ -251,11 +258,6 @@ class Estimator(AlongRecords, Described, Copyable):
         """
         return LinearModel.of(self.model, k_i, k_s, self._settings)
 
-    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
-        """Return the core's estimator of this kind."""
-        raise NotImplementedError
-
-    @property
-    def _parts(self) -> Callable[..., list[Part]]:
-        """Function that returns the parts of a machine in its model."""
-        return machine_parts
+    def _arguments(self, engine: Engine, settings: dict[str, Any]) -> Arguments:
+        """Return the arguments that only this kind has."""
+        return (), {}

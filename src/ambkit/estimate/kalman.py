@@ -5,16 +5,12 @@ The first two are the same C code with different magnet models.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.axes import ideal_laws
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
-
-if TYPE_CHECKING:
-    from ambkit._core import Magnet
-    from ambkit.machine.machine import Machine
 
 
 class KalmanFilter(Estimator):
@@ -37,11 +33,9 @@ class KalmanFilter(Estimator):
     """
 
     name = "linear Kalman filter"
+    binding = "Kalman"
     steady = "through_origin"
     can_smooth = True
-
-    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
-        return engine.core.Kalman(magnet, engine.model_of_core, **settings)
 
 
 class AdaptiveKalmanFilter(KalmanFilter):
@@ -83,14 +77,10 @@ class ExtendedKalmanFilter(Estimator):
     """
 
     name = "extended Kalman filter"
+    binding = "Extended"
+    _default_magnet = staticmethod(ideal_laws)
     steady = "tangent"
     can_smooth = True
-
-    def __init__(self, machine: Machine, magnet: MagnetModel | None = None, **options: Any) -> None:
-        super().__init__(machine, magnet or ideal_laws(machine), **options)
-
-    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
-        return engine.core.Extended(magnet, engine.model_of_core, **settings)
 
 
 class UDKalmanFilter(ExtendedKalmanFilter):
@@ -115,6 +105,4 @@ class UDKalmanFilter(ExtendedKalmanFilter):
     """
 
     name = "UD-factorised Kalman filter"
-
-    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
-        return engine.core.UD(magnet, engine.model_of_core, **settings)
+    binding = "UD"

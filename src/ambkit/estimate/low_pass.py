@@ -9,12 +9,11 @@ import numpy as np
 
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.estimate.core_model import Engine
-from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.estimator import Arguments, Estimator
 from ambkit.machine.magnets import MagnetModel, core_module
 from ambkit.models.linear import LinearSystem, Signal
 
 if TYPE_CHECKING:
-    from ambkit._core import Magnet
     from ambkit.machine.machine import Machine
 
 
@@ -44,6 +43,7 @@ class LowPass(Estimator):
     """
 
     name = "low-pass and derivative"
+    binding = "LowPass"
     steady = "constant"
     by_model = False
     predicts = "no model: exponential averages"
@@ -87,10 +87,8 @@ class LowPass(Estimator):
             (Signal("position", "m"), Signal("velocity", "m/s")),
         )  # fmt: skip
 
-    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
+    def _arguments(self, engine: Engine, settings: dict[str, Any]) -> Arguments:
         T = self.machine.sampling_time
         self.corners = self._usual_corners() | self.corners
         coefficients = {name: -math.expm1(-corner * T) for name, corner in self.corners.items()}
-        return engine.core.LowPass(
-            magnet, engine.model_of_core, m=self.machine.rotor.mass, **coefficients, **settings
-        )
+        return (), {"m": self.machine.rotor.mass, **coefficients}

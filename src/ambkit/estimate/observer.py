@@ -12,7 +12,7 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.estimate.core_model import Engine
-from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.estimator import Arguments, Estimator
 from ambkit.estimate.linear_model import LinearModel
 from ambkit.estimate.noise_model import VERY_COARSE, held_rounding
 from ambkit.machine.axes import isolated_axes
@@ -23,7 +23,6 @@ from ambkit.models.model import Descriptor, Model
 from ambkit.models.parts.line_noise import Hum
 
 if TYPE_CHECKING:
-    from ambkit._core import Magnet
     from ambkit.machine.machine import Machine
 
 
@@ -60,6 +59,7 @@ class _Observer(Estimator):
     """
 
     gain: Array  # (n,), for the measurement update
+    binding = "Observer"
     several_axes = False
     steady = "constant"
 
@@ -68,7 +68,7 @@ class _Observer(Estimator):
         # coarse: the estimate is limited to very coarse steps.
         raise NotImplementedError
 
-    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
+    def _arguments(self, engine: Engine, settings: dict[str, Any]) -> Arguments:
         k = ConstantStiffness.of(self.machine)
         # States are scaled, because the equations lose their digits between newtons and
         # micrometres.
@@ -98,15 +98,8 @@ class _Observer(Estimator):
         own = [full_model.index(state.name) for state in engine.states]
         self.gain, far = (L * units)[own], state_limits[own]
         upper = (P * np.outer(units, units))[np.ix_(own, own)][np.triu_indices(len(own))]
-        return engine.core.Observer(
-            magnet,
-            engine.model_of_core,
-            self.gain[np.newaxis].astype(self.precision),
-            upper.astype(self.precision),
-            np.array([S], self.precision),
-            far.astype(self.precision),
-            **settings,
-        )
+        numbers = (self.gain[np.newaxis], upper, np.array([S]), far)
+        return [of.astype(self.precision) for of in numbers], {}
 
 
 class ExtendedStateObserver(_Observer):

@@ -6,12 +6,11 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from ambkit.estimate.core_model import Engine
-from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.estimator import Arguments, Estimator
 from ambkit.machine.axes import ideal_laws
 from ambkit.machine.magnets import MagnetModel
 
 if TYPE_CHECKING:
-    from ambkit._core import Magnet
     from ambkit.machine.machine import Machine
 
 
@@ -46,6 +45,8 @@ class UnscentedKalmanFilter(Estimator):
     """
 
     name = "unscented Kalman filter"
+    binding = "Unscented"
+    _default_magnet = staticmethod(ideal_laws)
     steady = "tangent"
 
     def __init__(
@@ -59,9 +60,9 @@ class UnscentedKalmanFilter(Estimator):
         **options: Any,
     ) -> None:
         self._spread: dict[str, Any] = {"alpha": alpha, "beta": beta, "kappa": kappa}
-        super().__init__(machine, magnet or ideal_laws(machine), **options)
+        super().__init__(machine, magnet, **options)
 
-    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
+    def _arguments(self, engine: Engine, settings: dict[str, Any]) -> Arguments:
         n, alpha, beta = len(engine.states), self._spread["alpha"], self._spread["beta"]
         kappa = 3.0 - n if self._spread["kappa"] is None else self._spread["kappa"]
         for name, value, least in (("alpha", alpha, 0.0), ("kappa", kappa, -float(n))):
@@ -73,6 +74,4 @@ class UnscentedKalmanFilter(Estimator):
         if not (math.isfinite(self.curvature) and self.curvature >= 0):
             lowest = alpha**2 - spread
             raise ValueError(f"beta must be {lowest:.6g} or more for a variance, got {beta!r}")
-        return engine.core.Unscented(
-            magnet, engine.model_of_core, self.reach, self.curvature, **settings
-        )
+        return (self.reach, self.curvature), {}

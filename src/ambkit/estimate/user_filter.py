@@ -12,19 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.own_class import OwnStep, made
 from ambkit.data.signals import signal
-from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.estimator import Arguments, Estimator
 from ambkit.estimate.machine_model import several
 from ambkit.machine.axes import slowest_time
 from ambkit.models.linear import LinearSystem, Signal, realised
 from ambkit.models.parts.free import plain_parts
 
 if TYPE_CHECKING:
-    from ambkit._core import Magnet
     from ambkit.estimate.core_model import Engine
     from ambkit.estimate.estimate import Estimate
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import Precision
-    from ambkit.models.declaration import Part
 
 
 SETTLES = 2000  #: Minimum number of samples after which an estimator has settled.
@@ -65,7 +63,9 @@ class OwnEstimator(OwnStep, Estimator):
 
     _of_core = (*Estimator._of_core, "wrapped")
     by_model = side_by_side = False
+    binding = "Own"
     steady = "constant"
+    _parts = staticmethod(plain_parts)
 
     def __init__(
         self,
@@ -84,11 +84,7 @@ class OwnEstimator(OwnStep, Estimator):
         names = ", ".join(state.name for state in self.states)
         self._returns = f"the {len(self.states)} numbers {names}"
 
-    @property
-    def _parts(self) -> Callable[..., list[Part]]:
-        return plain_parts
-
-    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
+    def _arguments(self, engine: Engine, settings: dict[str, Any]) -> Arguments:
         of = weakref.ref(self)  # a reference held by C would keep it forever
 
         def answer(y: list[float], u: list[float]) -> list[float]:
@@ -97,7 +93,7 @@ class OwnEstimator(OwnStep, Estimator):
                 return []
             return own.numbers(len(own.states), own.plain(y), own.plain(u))
 
-        return engine.core.Own(magnet, engine.model_of_core, answer, **settings)
+        return [answer], {}
 
     def reset(
         self, mean: ArrayLike | None = None, std: Sequence[float] | Literal["diffuse"] | None = None
