@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import ambkit
 from ambkit.simulation.many import simulate_many
-from ambkit.simulation.planned import Planned
+from ambkit.simulation.plans import Planned
 from ambkit.simulation.recording import CONTROL, SENSOR, Stream
 from benchmarks.batch import CORES
 from benchmarks.closed_loop import ClosedLoop

@@ -124,7 +124,7 @@ private:
 };
 
 // A controller or plant in Python, for numbers of C. The function raises no exception, and returns
-// the required number of values (control/user_controller.py, simulation/external_inputs.py).
+// the required number of values (control/controller_states.py, simulation/external_inputs.py).
 struct OwnOf {
   nb::callable answer;
   size_t given[3], answers;

@@ -104,7 +104,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     marks = {mark.name for mark in item.iter_markers()}
     Drawing.real = bool(marks & {"pictures", "long", "study"})
     # FMUs likewise: half of the time is the optimiser's, which must not change a bit.
-    if (compiler := sys.modules.get("ambkit.export.fmu.compiler")) is not None:
+    if (compiler := sys.modules.get("ambkit.export.fmu.sources")) is not None:
         flags = compiler._FLAGS[1:]
         compiler._FLAGS = ("-O2" if marks & {"optimised", "long", "study"} else "-O0", *flags)
 

@@ -13,9 +13,8 @@ from exporting import export_c
 from machine_cases import machine
 
 from ambkit import KalmanFilter, Scenario
-from ambkit.control.control import Control
+from ambkit.control.control import Control, LiftOff
 from ambkit.control.controller_states import settling_of
-from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.control.pid import PID
 from ambkit.estimate.registry import learned_magnet
 from ambkit.export.c import CExport

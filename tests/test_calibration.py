@@ -17,8 +17,7 @@ from quick import quick
 
 from ambkit import FilterNoise, KalmanFilter, Machine, Scenario
 from ambkit.base.errors import AmbkitError
-from ambkit.control.control import Control
-from ambkit.control.lift_off_sequence import LiftOff
+from ambkit.control.control import Control, LiftOff
 from ambkit.data.signals import signal
 from ambkit.estimate.registry import learned_magnet
 from ambkit.export import a2l

@@ -23,7 +23,7 @@ from ambkit.campaigns.study import Study
 from ambkit.campaigns.study_tables import UNITS
 from ambkit.campaigns.worker import compute, peaks
 from ambkit.judge.loop.loop_builder import LoopBuilder
-from ambkit.simulation import planned
+from ambkit.simulation import plans
 
 ROOT = Path(__file__).parent.parent
 
@@ -307,7 +307,7 @@ def test_peaks_of_many_loops_are_those_of_each(preset, kind, feedback):
         for m, g in rng.uniform(0.9, 1.1, (3, 2))
     ]  # fmt: skip
     scenario = ambkit.Scenario(controller=pid)
-    found = peaks([planned.Planned(p, scenario, fed) for p in plants])
+    found = peaks([plans.Planned(p, scenario, fed) for p in plants])
     expected = [LoopBuilder(p, pid).peak(fed) for p in plants]
     np.testing.assert_allclose(found, expected, rtol=2e-6)
 
@@ -328,7 +328,7 @@ def test_margins_of_a_campaign_solve_no_equation_for_each_machine(monkeypatch):
 def test_an_unstable_loop_has_an_infinite_peak():
     b = ambkit.preset("zittau_axial")
     weak = ambkit.PID.for_bearing(b).model_copy(update={"kp": 10.0, "feedback": "measurement"})
-    assert peaks([planned.Planned(b, ambkit.Scenario(controller=weak))]) == np.inf
+    assert peaks([plans.Planned(b, ambkit.Scenario(controller=weak))]) == np.inf
 
 
 # --- shares

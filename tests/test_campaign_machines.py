@@ -13,16 +13,15 @@ from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.run import campaign
 from ambkit.campaigns.study import Study
 from ambkit.campaigns.worker import compute, peak_of, peaks
-from ambkit.control.control import Control
+from ambkit.control.control import Control, LiftOff, Mode
 from ambkit.control.controller_states import Controller
 from ambkit.control.controllers import controllers_of
-from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.data.signals import signal
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.models.plant import Plant
 from ambkit.simulation.many import simulate_many
-from ambkit.simulation.planned import Planned
+from ambkit.simulation.plans import Planned
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.run_figures import FIGURES
 from ambkit.simulation.waveforms import Constant, Ramp

@@ -16,9 +16,8 @@ from quick import quick
 from ambkit import ExtendedKalmanFilter, KalmanFilter, Machine, Scenario, Step
 from ambkit.base.errors import AmbkitError
 from ambkit.control.blocks import LeadLag, Notch
-from ambkit.control.control import Control
+from ambkit.control.control import Control, LiftOff, Mode
 from ambkit.control.controller_states import Controller
-from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.control.pid import PID
 from ambkit.data.input_scaling import Inputs, Scaling
 from ambkit.estimate.estimate import Status

@@ -8,7 +8,7 @@ import pytest
 from machine_cases import BEARINGS, bearing, machine, sensor
 
 from ambkit import AmbkitError, Machine
-from ambkit.control.lift_off_sequence import Mode
+from ambkit.control.control import Mode
 from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.data.reading.clock import Clock, resample
 from ambkit.data.reading.levitation_test import LevitationFit

@@ -18,7 +18,7 @@ from quick import quick
 
 import ambkit
 from ambkit import AmbkitError, Machine, Scenario
-from ambkit.control.lift_off_sequence import LiftOff
+from ambkit.control.control import LiftOff
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c.model import MOST_UNROLLED, states
 from ambkit.models.model import Descriptor

@@ -11,10 +11,9 @@ from machine_cases import machine
 from quick import quick
 
 from ambkit import AmbkitError, KalmanFilter, Machine, Scenario, simulate
-from ambkit.control.control import Control
+from ambkit.control.control import Control, LiftOff
 from ambkit.control.controller_states import Controller
 from ambkit.control.controllers import controllers_of
-from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.data.signals import signal
 from ambkit.export.c.controller_test_cases import vectors
 from ambkit.models.plant import Plant

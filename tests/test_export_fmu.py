@@ -17,9 +17,9 @@ from exporting import export_fmu, export_ssp
 import ambkit
 from ambkit import ClosedLaw, KalmanFilter, Machine, magnet_of
 from ambkit.base.errors import AmbkitError
+from ambkit.control.control import LiftOff, Mode
 from ambkit.control.controller_states import Controller
-from ambkit.control.lift_off_sequence import LiftOff, Mode
-from ambkit.export.fmu import compiler
+from ambkit.export.fmu import sources
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Reference
 
@@ -65,7 +65,7 @@ def made(tmp_path_factory):
     folder, done = tmp_path_factory.mktemp("fmu"), {}
 
     def make(kind="estimator", fmi=3, bearing=BEARING, **options):
-        case = bearing.name, kind, fmi, compiler._FLAGS[0], *options.values()
+        case = bearing.name, kind, fmi, sources._FLAGS[0], *options.values()
         key = "-".join(map(str, case)) + ".fmu"
         if key not in done:
             if kind in SCENARIOS:

@@ -15,8 +15,8 @@ from quick import quick
 
 import ambkit
 from ambkit import PID, ClosedLaw, Control, FilterNoise, KalmanFilter, Machine, Scenario, Step
+from ambkit.control.control import LiftOff, Mode
 from ambkit.control.controller_states import Controller
-from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.data.record import Record
 from ambkit.estimate.kalman import AdaptiveKalmanFilter
 from ambkit.estimate.registry import KINDS

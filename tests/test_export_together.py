@@ -12,7 +12,7 @@ from machine_cases import machine
 
 from ambkit.base.errors import AmbkitError
 from ambkit.export import core_sources
-from ambkit.export.c import prefix
+from ambkit.export.c import exporter
 
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 needs_gpp = pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
@@ -185,7 +185,7 @@ def test_a_prefix_that_cannot_be_is_refused(tmp_path, given, said):
     ],
 )
 def test_a_name_that_cannot_be_one_gives_another(name, made):
-    assert prefix.checked(None, name) == made
+    assert exporter.checked(None, name) == made
 
 
 # ---- Headers of two exports in one file ----

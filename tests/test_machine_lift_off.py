@@ -13,8 +13,7 @@ from quick import quick
 
 import ambkit
 from ambkit import AmbkitError, KalmanFilter, Machine, Scenario, harmonics
-from ambkit.control.control import Control
-from ambkit.control.lift_off_sequence import LiftOff, Mode
+from ambkit.control.control import Control, LiftOff, Mode
 from ambkit.estimate.registry import KINDS
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run

@@ -8,6 +8,7 @@ import pytest
 import ambkit
 from ambkit import AmbkitError
 from ambkit.machine.force_law import MU_0
+from ambkit.machine.forces.drawing import map_near
 from ambkit.machine.forces.fitted_law import law_errors, preferred
 from ambkit.machine.magnet_solution.solution import solve
 from ambkit.machine.magnetostatics.drawing import Drawing
@@ -20,9 +21,14 @@ from ambkit.machine.magnetostatics.dynamic_stiffness import (
 from ambkit.machine.magnetostatics.field import FieldSolver
 from ambkit.machine.magnetostatics.iron import GRADES, Iron
 from ambkit.machine.magnetostatics.layout import Layout, Region, rectangle
-from ambkit.machine.magnetostatics.magnet_map import Box, MagnetMap, map_of
-from ambkit.machine.magnetostatics.tolerances import map_near
-from ambkit.machine.magnetostatics.two_axis_map import TwoAxisMap, terms, two_axis_map
+from ambkit.machine.magnetostatics.magnet_map import (
+    Box,
+    MagnetMap,
+    TwoAxisMap,
+    map_of,
+    terms,
+    two_axis_map,
+)
 from ambkit.models.plant import Plant, coupling_of
 
 WINDING = '[winding]\nturns = 100\nbias_current = "3 A"\n'

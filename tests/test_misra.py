@@ -19,8 +19,7 @@ from exporting import export_c
 from machine_cases import machine
 
 from ambkit import PID, Scenario
-from ambkit.control.control import Control
-from ambkit.control.lift_off_sequence import LiftOff
+from ambkit.control.control import Control, LiftOff
 from ambkit.simulation.waveforms import Ramp
 
 BIN = Path(sys.executable).parent

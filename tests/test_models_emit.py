@@ -20,7 +20,7 @@ from ambkit.export.c import c_literals
 from ambkit.export.c.model import loop_model
 from ambkit.models import compose, emit, machine_model
 from ambkit.models.emit import steps
-from ambkit.models.emit.covariance import predict_covariance
+from ambkit.models.emit.header import predict_covariance
 from ambkit.models.machine_parts import PAPER_CONSTANTS
 from ambkit.models.model import ENUMERATORS, ROLES
 from ambkit.models.parts import (

@@ -12,8 +12,7 @@ from exporting import export_c
 from machine_cases import gained
 
 from ambkit import KalmanFilter, Scenario
-from ambkit.control.control import Control
-from ambkit.control.lift_off_sequence import LiftOff
+from ambkit.control.control import Control, LiftOff
 from ambkit.simulation.scenario import settled_scenario
 
 pytestmark = [

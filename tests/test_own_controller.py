@@ -12,7 +12,7 @@ from quick import quick
 
 import ambkit
 from ambkit import AmbkitError, Control, Machine, Scenario
-from ambkit.control.axis_sensitivity import shown_along_axes
+from ambkit.control.held_loop import shown_along_axes
 
 AXIS, MACHINE = Machine.preset("zittau_axial"), Machine.preset("tum_mlps")
 KP, KD = 1700.0, 11.0

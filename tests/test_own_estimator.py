@@ -10,7 +10,7 @@ import pytest
 import ambkit
 from ambkit import AmbkitError, Machine, Scenario
 from ambkit.estimate.user_filter import OwnEstimator
-from ambkit.simulation.planned import Planned
+from ambkit.simulation.plans import Planned
 
 AXIS, MACHINE = Machine.preset("zittau_axial"), Machine.preset("tum_mlps")
 

@@ -10,12 +10,11 @@ from exporting import export_c, pil
 import ambkit
 from ambkit import KalmanFilter, Machine, Record, Scenario, Step
 from ambkit.base.errors import AmbkitError
-from ambkit.control.control import Control
-from ambkit.control.lift_off_sequence import LiftOff, Mode
+from ambkit.control.control import Control, LiftOff, Mode
 from ambkit.data.input_scaling import Inputs, Scaling
 from ambkit.estimate.filter_file import FilterFile, filter_file_for
 from ambkit.export.pil import build
-from ambkit.export.pil.processor import Processor
+from ambkit.export.pil.loop import Processor
 from ambkit.simulation.waveforms import Ramp
 
 BEARING = Machine.preset("zittau_axial")
@@ -232,7 +231,7 @@ def test_other_bits_would_be_seen(monkeypatch):
 @pytest.mark.long
 @needs_tools
 def test_a_firmware_that_does_not_answer_is_said(monkeypatch):
-    monkeypatch.setattr("ambkit.export.pil.processor.PATIENCE", 2.0)  # seconds
+    monkeypatch.setattr("ambkit.export.pil.loop.PATIENCE", 2.0)  # seconds
 
     def broken(image, folder, *sizes):
         image.write_bytes(b"nothing that runs")

@@ -12,7 +12,7 @@ from exporting import export_c
 from quick import quick
 
 from ambkit import Machine, Scenario
-from ambkit.control.lift_off_sequence import LiftOff
+from ambkit.control.control import LiftOff
 from ambkit.control.pid import PID
 from ambkit.export.c import proof
 from firmware import proof as prover

@@ -7,9 +7,8 @@ import pytest
 
 import ambkit
 from ambkit.estimate.core_model import numbers
-from ambkit.estimate.rebuild import Rebuild, with_parameters
+from ambkit.estimate.rebuild import Formulas, Rebuild, with_parameters
 from ambkit.machine.magnets import core_module
-from ambkit.models.formulas import Formulas
 from ambkit.models.machine_parts import compose, machine_parts
 
 PRESETS = [

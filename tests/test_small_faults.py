@@ -205,7 +205,7 @@ def test_a_worker_of_other_versions_is_refused(name):
 @pytest.mark.parametrize("adds", ["", ".exe"])
 def test_what_a_compiler_calls_its_output_does_not_matter(tmp_path, monkeypatch, adds):
     """Gcc for Windows adds ``.exe`` to an output without an ending."""
-    from ambkit.export.fmu import compiler
+    from ambkit.export.fmu import sources
 
     fake = tmp_path / "x86_64-w64-mingw32-gcc"
     fake.write_text(
@@ -214,7 +214,7 @@ def test_what_a_compiler_calls_its_output_does_not_matter(tmp_path, monkeypatch,
     )
     fake.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
-    assert compiler.compiled({"a.c": ""}, ["a.c"], cross=fake.name) == b"made\n"
+    assert sources.compiled({"a.c": ""}, ["a.c"], cross=fake.name) == b"made\n"
 
 
 def test_a_mistake_in_an_expert_is_told_with_its_line(tmp_path):

@@ -6,8 +6,8 @@ from ambkit.base.errors import RecordError as RecordError
 from ambkit.campaigns.campaign import Campaign as Campaign
 from ambkit.campaigns.study import Study as Study
 from ambkit.control.control import Control as Control
+from ambkit.control.controller_states import ControllerProtocol as ControllerProtocol
 from ambkit.control.pid import PID as PID
-from ambkit.control.user_controller import ControllerProtocol as ControllerProtocol
 from ambkit.data.record import Record as Record
 from ambkit.data.telemetry import read_telemetry as read_telemetry
 from ambkit.estimate.adaptive_noise import AdaptiveNoise as AdaptiveNoise
@@ -51,7 +51,7 @@ from ambkit.result.result import Result as Result
 from ambkit.rotordynamics.harmonics import harmonics as harmonics
 from ambkit.simulation.external_inputs import PlantProtocol as PlantProtocol
 from ambkit.simulation.many import simulate_many as simulate_many
-from ambkit.simulation.planned import Planned as Planned
+from ambkit.simulation.plans import Planned as Planned
 from ambkit.simulation.scenario import Scenario as Scenario
 from ambkit.simulation.waveforms import Constant as Constant
 from ambkit.simulation.waveforms import HalfSine as HalfSine

@@ -40,7 +40,7 @@ export interface Controllers {
 
 type Rows = [number[], number[], number[]];
 
-/** What Python states of a rotor (src/ambkit/export/browser/rotor.py), in SI. */
+/** What Python states of a rotor (src/ambkit/export/browser/parameters.py), in SI. */
 export interface Rotor {
   positions: number; axes: number; sensors: number; states: number;
   T: number; delay: number; delay_rest: number; substeps: number;

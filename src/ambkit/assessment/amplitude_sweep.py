@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ambkit.arguments import LoopArguments, filter_arguments
 from ambkit.assessment.assess import MEASUREMENT, assess
 from ambkit.assessment.loop import AssessedAxis, AssessedLoop
-from ambkit.assessment.sensitivity_figure import sweep_figure
+from ambkit.assessment.sweep_figures import sweep_figure
 from ambkit.base.arrays import Array, Complex
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si

@@ -13,7 +13,7 @@ from ambkit.assessment.assess import assess
 from ambkit.assessment.assessment import Assessment
 from ambkit.assessment.assessment_figure import Curves
 from ambkit.assessment.rows import of_loop
-from ambkit.assessment.sensitivity_figure import measured_figure
+from ambkit.assessment.sweep_figures import measured_figure
 from ambkit.base.arrays import Complex
 from ambkit.base.errors import RecordError
 from ambkit.base.units import engineering

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ambkit.arguments import LoopArguments
 from ambkit.assessment.assess import MEASUREMENT, on_orbit
-from ambkit.assessment.speed_sweep_figure import over_speed_figure, run_up_figure
+from ambkit.assessment.sweep_figures import over_speed_figure, run_up_figure
 from ambkit.base import units
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError

@@ -18,7 +18,7 @@ from pydantic import (
     WithJsonSchema,
 )
 
-from ambkit.base.config.text_types import from_folder, to_folder
+from ambkit.base.config.quantities import from_folder, to_folder
 from ambkit.base.errors import AmbkitError
 
 MARK = ".py:"  #: Part of such a name.

@@ -23,7 +23,7 @@ from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Part, Row, Section, put
-from ambkit.simulation.planned import Planned
+from ambkit.simulation.plans import Planned
 from ambkit.simulation.run import Run
 from ambkit.simulation.run_figure import simulation_figure
 

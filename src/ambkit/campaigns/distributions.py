@@ -22,7 +22,7 @@ from pydantic_core import PydanticCustomError
 from ambkit.base import units
 from ambkit.base.arrays import Array
 from ambkit.base.config import Part
-from ambkit.base.config.text_types import Line, from_folder, to_folder
+from ambkit.base.config.quantities import Line, from_folder, to_folder
 from ambkit.campaigns.keys import Key
 
 LEAST, MOST = 2.0**-54, 1 - 2.0**-53  #: Range of probabilities for which a quantile is computed.

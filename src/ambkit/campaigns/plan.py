@@ -33,7 +33,7 @@ from ambkit.estimate.registry import FILTER_SUFFIX
 from ambkit.machine.loading import load_machine
 from ambkit.machine.parts import FILES
 from ambkit.models.plant import Plant
-from ambkit.simulation.planned import Planned
+from ambkit.simulation.plans import Planned
 from ambkit.simulation.scenario import Scenario, control_of, settled_scenario, wrong_for
 
 IN_PROPORTION = ("kp", "ki", "kd", "feed_forward")

@@ -32,7 +32,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, PlainSerializer, SerializationInfo, ValidationInfo
 
 from ambkit.base.config import Document, Read
-from ambkit.base.config.text_types import Description, Name, from_folder, to_folder
+from ambkit.base.config.quantities import Description, Name, from_folder, to_folder
 from ambkit.base.errors import AmbkitError
 from ambkit.campaigns.distributions import Vary
 from ambkit.campaigns.study_tables import Correlated, Criteria, Recorded, Stop

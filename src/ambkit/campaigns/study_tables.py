@@ -8,8 +8,7 @@ from pydantic import Field
 
 from ambkit.base import units
 from ambkit.base.config import Part, unknown_key
-from ambkit.base.config.quantities import Quantity
-from ambkit.base.config.text_types import Line, Name
+from ambkit.base.config.quantities import Line, Name, Quantity
 from ambkit.campaigns.distributions import Value
 from ambkit.data.signals import signal
 from ambkit.simulation.run_figures import FIGURES

@@ -32,7 +32,7 @@ from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.rotors.modes import max_frequency
 from ambkit.models.linear import LinearSystem
 from ambkit.simulation.many import Many, simulate_many
-from ambkit.simulation.planned import Planned
+from ambkit.simulation.plans import Planned
 from ambkit.simulation.run_figures import FIGURES, FLAGS
 
 if TYPE_CHECKING:

@@ -12,10 +12,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.control.axis_sensitivity import shown_along_axes
 from ambkit.control.control import Control
 from ambkit.control.controllers import Controllers, controllers_of
-from ambkit.control.held_loop import Gains
+from ambkit.control.held_loop import Gains, shown_along_axes
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_controller import compensator, controllers, fed
 from ambkit.control.linear.linear_plant import OperatingPoint, plant

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import Array
-from ambkit.control.control import Control, as_control
+from ambkit.base.own_class import OwnPart
+from ambkit.control.control import MOST_COUNTED, Control, LiftOff, as_control
 from ambkit.control.controllers import Controllers, arrays, controllers_of
-from ambkit.control.lift_off_sequence import MOST_COUNTED, LiftOff
 from ambkit.control.pid import PID
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.axes import isolated_axes
@@ -158,3 +158,45 @@ def bound_of(estimator: Estimator) -> float:
     if far is None:
         return 10.0
     return max(10.0, float((far / estimator.core.parameters["set"]["cap"]).max()))
+
+
+@runtime_checkable
+class ControllerProtocol(Protocol):
+    """Interface of the user's controller.
+
+    The class is constructed with the machine, or without arguments, for each run. It is named as
+    ``file.py:Class``; in Python the class itself is passed.
+    """
+
+    def step(self, y: Any, r: Any, estimate: Any) -> ArrayLike:
+        """Return the control currents of a sample.
+
+        Parameters
+        ----------
+        y : float or ndarray (m,)
+            Measured position [m]; with several axes all readings.
+        r : float or ndarray (p,)
+            Reference [m]; with several axes all.
+        estimate : ndarray (n,) or None
+            State estimate; with one axis the displacement x [m] and velocity v [m/s] are first.
+            None with ``feedback = "measurement"``.
+
+        Returns
+        -------
+        float or array_like (p,)
+            Demanded control current [A]; with several axes all. It is limited by the amplifier.
+        """
+
+
+class OwnController(OwnPart):
+    """An object with ``step(y, r, estimate)``, for the loop in C; see `ControllerProtocol`."""
+
+    def __init__(self, make: Any, machine: Machine) -> None:
+        self._axes = len(machine.axes)
+        returns = "the control current" if self._axes == 1 else f"{self._axes} control currents"
+        super().__init__(make, machine, "step(y, r, estimate)", f"{returns} [A]")
+
+    def __call__(self, y: list[float], r: list[float], mean: list[float]) -> list[float]:
+        """Return the currents (p,) [A]."""
+        estimate = np.array(mean) if mean else None
+        return self.numbers(self._axes, self.plain(y), self.plain(r), estimate)

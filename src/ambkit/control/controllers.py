@@ -13,9 +13,9 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
-from ambkit.control.axis_sensitivity import shown_along_axes
 from ambkit.control.blocks import gain_at_rest, sections_of
 from ambkit.control.control import Control
+from ambkit.control.held_loop import shown_along_axes
 from ambkit.control.pid import GAINS, PID, GainSchedule, integral_lead, overlaid, schedule_fields
 from ambkit.control.regulator import regulator, scheduled
 from ambkit.control.stabilising_controller import holding

@@ -12,8 +12,7 @@ from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, mode
 
 from ambkit.base.arrays import Array
 from ambkit.base.config import Part, Read
-from ambkit.base.config.quantities import Quantity
-from ambkit.base.config.text_types import Name
+from ambkit.base.config.quantities import Name, Quantity
 from ambkit.control.blocks import AnyBlock
 from ambkit.control.held_loop import Gains
 from ambkit.control.stabilising_controller import chosen, round_to_two_digits, textbook, weight_of

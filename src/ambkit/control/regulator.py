@@ -10,7 +10,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.estimate.linear_model import LinearModel
+from ambkit.estimate.noise_model import LinearModel
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.plant import Plant

@@ -16,8 +16,14 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array, Complex
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
-from ambkit.control.axis_sensitivity import Sensitivities, sensitivities
-from ambkit.control.held_loop import Gains, HeldLoop, Stabilisation, overshoot
+from ambkit.control.held_loop import (
+    Gains,
+    HeldLoop,
+    Sensitivities,
+    Stabilisation,
+    overshoot,
+    sensitivities,
+)
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_controller import compensator, controller
 from ambkit.control.linear.linear_plant import OperatingPoint, plant

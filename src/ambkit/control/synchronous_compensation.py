@@ -21,7 +21,7 @@ from ambkit.base.units import rpm
 from ambkit.control.linear.linear_controller import ControlLaw
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine import geometry
-from ambkit.machine.angle_sensor import SLOWEST
+from ambkit.machine.accessories import SLOWEST
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.parts.synchronous import unbalance_planes

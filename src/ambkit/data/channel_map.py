@@ -21,8 +21,7 @@ from pydantic import Field
 
 from ambkit.base.arrays import Array
 from ambkit.base.config import Document, Read
-from ambkit.base.config.quantities import Quantity
-from ambkit.base.config.text_types import Description, Line, Name
+from ambkit.base.config.quantities import Description, Line, Name, Quantity
 from ambkit.base.errors import RecordError
 from ambkit.data.files import timestamps
 from ambkit.data.files.log import Log

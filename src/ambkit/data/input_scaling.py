@@ -11,7 +11,7 @@ from pydantic import Field
 from ambkit.base import units
 from ambkit.base.arrays import Array
 from ambkit.base.config import Part, Read
-from ambkit.base.config.text_types import Line
+from ambkit.base.config.quantities import Line
 from ambkit.base.units import engineering
 from ambkit.data.signals import si_unit
 

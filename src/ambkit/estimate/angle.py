@@ -16,7 +16,7 @@ from ambkit.base.units import percent
 from ambkit.data.record import Record
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.status import Status
-from ambkit.machine.angle_sensor import SENSORS, AngleSensor
+from ambkit.machine.accessories import SENSORS, AngleSensor
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision, core_module
 

@@ -15,9 +15,8 @@ from ambkit.base.quantity_arguments import of_type
 from ambkit.data.input_scaling import Inputs, Scaling
 from ambkit.estimate.along_records import AlongRecords
 from ambkit.estimate.core_model import Engine
-from ambkit.estimate.linear_model import LinearModel
 from ambkit.estimate.machine_model import View
-from ambkit.estimate.noise_model import FilterNoise
+from ambkit.estimate.noise_model import FilterNoise, LinearModel
 from ambkit.machine.axes import constant_stiffness, force_laws
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision
@@ -126,7 +125,9 @@ class Estimator(AlongRecords, Described, Copyable):
         of_type(FilterNoise, noise=noise)
         self.machine: Any = machine
         self.view = View(machine)
-        self.magnet = force_laws(self._default_magnet(machine) if magnet is None else magnet, machine)
+        self.magnet = force_laws(
+            self._default_magnet(machine) if magnet is None else magnet, machine
+        )
         self.precision = precision
         self.engine = Engine(
             machine, precision, as_printed=as_printed, noise=self.has_noise_estimate,

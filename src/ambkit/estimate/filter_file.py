@@ -44,8 +44,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from ambkit.base import units
 from ambkit.base.config import Document, Read, unknown_key
-from ambkit.base.config.quantities import Quantity
-from ambkit.base.config.text_types import Description, Line, Name
+from ambkit.base.config.quantities import Description, Line, Name, Quantity
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import in_si
 from ambkit.data.input_scaling import Inputs

@@ -9,8 +9,7 @@ from typing import Annotated, Any, Self
 
 from ambkit.base import files
 from ambkit.base.config import Part, Read
-from ambkit.base.config.quantities import ScalarOrList
-from ambkit.base.config.text_types import FilePath, Line, Name
+from ambkit.base.config.quantities import FilePath, Line, Name, ScalarOrList
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import presets
 from ambkit.machine.loading import load_machine

@@ -13,8 +13,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimator import Arguments, Estimator
-from ambkit.estimate.linear_model import LinearModel
-from ambkit.estimate.noise_model import VERY_COARSE, held_rounding
+from ambkit.estimate.noise_model import VERY_COARSE, LinearModel, held_rounding
 from ambkit.machine.axes import isolated_axes
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel
 from ambkit.models import compose

@@ -22,7 +22,7 @@ from ambkit.base import files
 from ambkit.base.arrays import Array, check_finite, real
 from ambkit.base.config import Part, Read
 from ambkit.base.config.problems import Problem, dotted
-from ambkit.base.config.text_types import Description, Line
+from ambkit.base.config.quantities import Description, Line
 from ambkit.base.config.toml_text import line_of
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.base.escaping import one_line

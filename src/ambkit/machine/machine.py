@@ -19,11 +19,9 @@ from pydantic import (
 
 from ambkit.base.config import Document, Read, reader
 from ambkit.base.config.problems import Problem
-from ambkit.base.config.quantities import Quantity
-from ambkit.base.config.text_types import Description, Name
+from ambkit.base.config.quantities import Description, Name, Quantity
 from ambkit.machine import geometry, presets, short_form
-from ambkit.machine.accessories import SHORTEST_LAG, Coil, Stop
-from ambkit.machine.angle_sensor import AngleSensor
+from ambkit.machine.accessories import SHORTEST_LAG, AngleSensor, Coil, Stop
 from ambkit.machine.components import AnyRotor, BearingAt, SensorAt, Unbalance
 from ambkit.machine.geometry import Axis, Line, Reading, Shaft
 from ambkit.machine.parts import (

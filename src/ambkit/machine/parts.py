@@ -19,8 +19,7 @@ from pydantic import (
 )
 
 from ambkit.base.config import Part, Read, read_unchecked
-from ambkit.base.config.quantities import InOther, Quantity
-from ambkit.base.config.text_types import FilePath, from_folder
+from ambkit.base.config.quantities import FilePath, InOther, Quantity, from_folder
 from ambkit.base.config.toml_text import flattened
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering

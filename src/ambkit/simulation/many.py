@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.estimate.batch import processors
-from ambkit.simulation.planned import Planned
-from ambkit.simulation.plans import Counts, Plans
+from ambkit.simulation.plans import Counts, Planned, Plans
 from ambkit.simulation.run_figures import FIGURES, FLAGS
 
 CHUNK = 256  #: Axes per batch: a multiple of the number of SIMD lanes.

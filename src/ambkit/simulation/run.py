@@ -18,19 +18,25 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import OwnStep
 from ambkit.base.quantity_arguments import of_type
 from ambkit.base.units import engineering
-from ambkit.control.axis_sensitivity import shown_along_axes
+from ambkit.control.controller_states import OwnController
 from ambkit.control.controllers import Controllers
+from ambkit.control.held_loop import shown_along_axes
 from ambkit.control.pid import PID
-from ambkit.control.user_controller import OwnController
 from ambkit.data.record import Record
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import default_filter
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, core_module
-from ambkit.simulation.external_inputs import ExternalInputs, Faults, OwnPlant, as_series, columns
+from ambkit.simulation.external_inputs import (
+    ExternalInputs,
+    Faults,
+    OwnPlant,
+    angle_readings,
+    as_series,
+    columns,
+)
 from ambkit.simulation.fields import InLoops, StraightLine
 from ambkit.simulation.recording import drawn, recorded, white
-from ambkit.simulation.rotation import angle_readings
 from ambkit.simulation.scenario import (
     AXES,
     Scenario,

@@ -22,10 +22,9 @@ from ambkit.base.config.problems import ONE_OR_MORE
 from ambkit.base.config.quantities import Quantity, SignalIn
 from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import OwnClass
-from ambkit.control.control import Control, as_control
+from ambkit.control.control import Control, LiftOff, as_control
 from ambkit.control.control_candidates import Feedback
 from ambkit.control.default_control import DefaultControl, default_control, is_default, settled
-from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.machine.machine import Machine
 from ambkit.result.showing import Described
 from ambkit.simulation.waveforms import Constant, Signal, Waveform

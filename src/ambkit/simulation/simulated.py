@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.units import figure
-from ambkit.control.lift_off_sequence import Mode
+from ambkit.control.control import Mode
 from ambkit.data.record import Record
 from ambkit.data.signals import by_name, signal
 from ambkit.estimate.errors import errors_along
@@ -38,7 +38,7 @@ class Run(Result):
     #: each axis control signal ``u_NAME`` [V], displacement ``s_NAME`` [m], current ``iu_NAME``
     #: [A], magnet force ``f_mag_NAME`` [N] and disturbance ``f_d_NAME`` [N]; the rotor's
     #: coordinates and velocities; the speed of rotation [rad/s]. With lift-off and landing the
-    #: ``mode``, `ambkit.control.lift_off_sequence.Mode`.
+    #: ``mode``, `ambkit.control.control.Mode`.
     record: Record
     estimate: Estimate | None  #: Estimate during the run.
     status: NDArray[np.uint16]  #: (n,) Sum of the flags of estimator and controllers, `Status`.

@@ -22,8 +22,7 @@ from pydantic import (
 
 from ambkit.base.arrays import Array, real
 from ambkit.base.config import Part, Read
-from ambkit.base.config.quantities import Quantity, place_of_signal
-from ambkit.base.config.text_types import FilePath
+from ambkit.base.config.quantities import FilePath, Quantity, place_of_signal
 from ambkit.base.errors import AmbkitError
 
 Value = Annotated[float, Quantity("@")]

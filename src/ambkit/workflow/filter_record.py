@@ -19,7 +19,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import in_si, names_in
 from ambkit.base.units import figure, percent
-from ambkit.control.lift_off_sequence import Mode
+from ambkit.control.control import Mode
 from ambkit.data.channel_map import ChannelMap
 from ambkit.data.reading.plausibility import longest_run
 from ambkit.data.record import Record

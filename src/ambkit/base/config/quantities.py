@@ -1,20 +1,36 @@
 """Pydantic types for values with units: strings in files, SI floats inside."""
 
+from __future__ import annotations
+
 import json
 import math
 import numbers
+import os
+import re
 from collections.abc import Callable
 from contextlib import suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import Any, Self
+from pathlib import Path
+from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    PlainSerializer,
+    SerializationInfo,
+    ValidationInfo,
+)
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from ambkit.base import units
+from ambkit.base.escaping import one_line
 
-place_of_signal: "ContextVar[SignalIn | None]" = ContextVar("place of a signal", default=None)
+place_of_signal: ContextVar[SignalIn | None] = ContextVar("place of a signal", default=None)
 """Place of the signal that is being read or written."""
 
 
@@ -25,7 +41,7 @@ class ParsedValue(float):
     unit: str  #: As in `Quantity`, with ``@`` for the unit of the place.
 
     @classmethod
-    def of(cls, text: str, unit: str) -> "ParsedValue":
+    def of(cls, text: str, unit: str) -> ParsedValue:
         """Parse a text like ``"50 µm"``."""
         quantity = cls(units.parse(text, units.base_unit(text)))
         quantity.text, quantity.unit = text, unit
@@ -255,3 +271,55 @@ class SignalIn:
             case BaseModel():
                 for item in vars(signal).values():
                     self._check(item)
+
+
+def from_folder(value: Any, info: ValidationInfo) -> Any:
+    """Resolve a relative name from the folder of the description."""
+    folder = (info.context or {}).get("folder")
+    if folder is not None and isinstance(value, str):
+        return str(Path(folder, value).absolute())
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
+
+
+def to_folder(value: str, info: SerializationInfo) -> str:
+    """Return the name relative to the description's destination, so that both can be moved."""
+    folder = (info.context or {}).get("folder")
+    if folder is None:
+        return value
+    try:
+        return Path(os.path.relpath(value, folder)).as_posix()
+    except ValueError:  # on Windows, another drive
+        return str(Path(value).absolute())
+
+
+FilePath = Annotated[str, BeforeValidator(from_folder), PlainSerializer(to_folder)]
+"""Name of a file."""
+
+
+#: Maximum length of a name: it appears in headings, legends and comments of one line.
+LONGEST_NAME = 80
+LONGEST_LINE = 1000
+LONGEST_DESCRIPTION = 10_000
+
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff]")  # all but tab and line feed
+
+
+def _refusing(wrong: Callable[[str], object], limit: str) -> AfterValidator:
+    def checked(text: str) -> str:
+        if wrong(text):
+            excerpt = one_line(text)
+            excerpt = excerpt if len(excerpt) <= 60 else f"{excerpt[:57]}..."
+            problem = f'must be {limit}, is "{excerpt}"'
+            raise PydanticCustomError("problem", "{text}", {"text": problem})
+        return text
+
+    return AfterValidator(checked)
+
+
+_printable = _refusing(lambda text: one_line(text) != text, "one line of printable characters")
+_readable = _refusing(_CONTROL.search, "text without control characters")
+Line = Annotated[str, Field(max_length=LONGEST_LINE), _printable]
+"""A text of one line, such as the name of an array in a file."""
+Name = Annotated[str, Field(max_length=LONGEST_NAME), _printable]  #: A name.
+Description = Annotated[str, Field(max_length=LONGEST_DESCRIPTION), _readable]
+"""A text with several lines; it is escaped when it is printed."""

@@ -10,8 +10,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from ambkit.base.config import Read
-from ambkit.base.config.quantities import Quantity
-from ambkit.base.config.text_types import from_folder
+from ambkit.base.config.quantities import Quantity, from_folder
 from ambkit.base.errors import AmbkitError
 from ambkit.control.blocks.block import Block
 from ambkit.data.files.mat import content

@@ -11,7 +11,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.control.linear.linear_plant import POSITION, VELOCITY, OperatingPoint, of_axes
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.linear_model import LinearModel
+from ambkit.estimate.noise_model import LinearModel
 from ambkit.machine.magnets import core_module
 from ambkit.models.linear import LinearSystem, Signal
 

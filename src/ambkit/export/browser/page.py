@@ -10,16 +10,20 @@ import tempfile
 import webbrowser
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError
-from ambkit.export.browser.axis import axis_parameters, expert_numbers, left_out
-from ambkit.export.browser.model import axis_models
-from ambkit.export.browser.rotor import rotor_parameters
-from ambkit.export.browser.widget import has_widgets, widget_of
+from ambkit.export.browser.parameters import (
+    axis_models,
+    axis_parameters,
+    expert_numbers,
+    left_out,
+    rotor_parameters,
+)
 from ambkit.machine.machine import Machine
 
 PRESETS = ("zittau_axial", "inteco_ml", "hindawi_2011", "heart_pump")
@@ -104,3 +108,56 @@ def workbench_of(machine: Machine | None) -> Workbench:
     if machine is None:
         return Workbench(presets)
     return Workbench([machine, *(other for other in presets if other.name != machine.name)])
+
+
+SCRIPT = """
+export default {
+  render({ model, el }) {
+    const frame = document.createElement("iframe");
+    frame.title = "ambkit workbench";
+    frame.sandbox = "allow-scripts allow-downloads";
+    frame.style.cssText = "width: 100%; height: 900px; border: 0";
+    frame.srcdoc = model.get("page");
+    const heard = ({ source, data }) => {
+      if (source !== frame.contentWindow || typeof data?.workbench !== "string") return;
+      model.set("settings", data.workbench);
+      model.save_changes();
+    };
+    const ask = () => frame.contentWindow?.postMessage({ workbench: model.get("settings") }, "*");
+    window.addEventListener("message", heard);
+    model.on("change:settings", ask);
+    frame.addEventListener("load", () => model.get("settings") && ask());
+    el.append(frame);
+    return () => {
+      window.removeEventListener("message", heard);
+      model.off("change:settings", ask);
+    };
+  },
+};
+"""
+
+
+def has_widgets() -> bool:
+    """Whether anywidget is installed."""
+    return find_spec("anywidget") is not None
+
+
+@cache
+def _kind() -> Any:
+    """Return the class of the widget."""
+    import anywidget
+    import traitlets
+
+    class WorkbenchWidget(anywidget.AnyWidget):
+        """The page, with its settings as the fragment of a link."""
+
+        _esm = SCRIPT
+        page = traitlets.Unicode().tag(sync=True)
+        settings = traitlets.Unicode().tag(sync=True)
+
+    return WorkbenchWidget
+
+
+def widget_of(page: str) -> Any:
+    """Return the widget of a page."""
+    return _kind()(page=page)

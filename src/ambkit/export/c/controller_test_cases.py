@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array, Bools
+from ambkit.control.control import Mode
 from ambkit.control.controller_states import Controller, settling_of
-from ambkit.control.lift_off_sequence import Mode
 from ambkit.data.signals import signal
 from ambkit.estimate.core_model import NODE
 from ambkit.estimate.estimate import Status

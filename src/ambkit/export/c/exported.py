@@ -15,7 +15,7 @@ from ambkit.estimate.registry import PAPER, CoreKernel
 from ambkit.export import core_sources
 from ambkit.export.c import c_literals, calibration, control, controller_test_cases, model, rebuilt
 from ambkit.export.c.c_literals import Constants, CPrecision, Crc, Kind, Name
-from ambkit.machine.angle_sensor import SENSORS
+from ambkit.machine.accessories import SENSORS
 from ambkit.machine.magnets import core_module
 
 if TYPE_CHECKING:

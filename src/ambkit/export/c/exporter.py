@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,15 +14,13 @@ from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.base.units import engineering
-from ambkit.control.control import Control
+from ambkit.control.control import Control, LiftOff
 from ambkit.control.controller_states import Controller
-from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.estimate.estimator import Estimator
 from ambkit.export.c import calibration, control, cost, exported, render
 from ambkit.export.c.c_literals import CPrecision, called, precision_of
 from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION, Cost
 from ambkit.export.c.exported import Export
-from ambkit.export.c.prefix import checked
 from ambkit.export.stiffness_table import MOST_NODES, TabulatedExpert
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import require_adequate
@@ -280,3 +279,56 @@ def _older(manifest: Path) -> set[str]:
     names = {line.partition("  ")[2] for line in files.read_text(manifest).splitlines()}
     folder = manifest.parent.resolve()  # a link in it may lead anywhere
     return {name for name in names if name and (folder / name).resolve().is_relative_to(folder)}
+
+
+LONGEST = 16  #: Maximum length, so that names differ within C99's 31 significant characters.
+
+_WORDS = {
+    "a header of C": (
+        *("assert", "complex", "ctype", "errno", "fenv", "float", "inttypes", "iso646", "limits"),
+        *("locale", "math", "setjmp", "signal", "stdarg", "stdbool", "stddef", "stdint", "stdio"),
+        *("stdlib", "string", "tgmath", "time", "wchar", "wctype"),
+    ),
+    "a target of the build": (
+        *("all", "all_build", "clean", "edit_cache", "help", "install", "package", "run_tests"),
+        *("package_source", "rebuild_cache", "selftest", "test", "zero_check", "main"),
+    ),
+    "a word of C or C++": (
+        *("auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else"),
+        *("enum", "extern", "for", "goto", "if", "inline", "int", "long", "register", "restrict"),
+        *("return", "short", "signed", "sizeof", "static", "struct", "switch", "typedef", "union"),
+        *("unsigned", "void", "volatile", "while", "and", "asm", "bool", "catch", "class", "true"),
+        *("delete", "explicit", "export", "false", "friend", "mutable", "namespace", "new", "not"),
+        *("operator", "or", "private", "protected", "public", "template", "this", "throw", "try"),
+        *("typeid", "typename", "using", "virtual", "xor", "nullptr", "noexcept", "constexpr"),
+    ),
+    "a device, and no file, on Windows": (
+        *("aux", "con", "nul", "prn"),
+        *(f"{port}{n}" for port in ("com", "lpt") for n in range(1, 10)),
+    ),
+}
+
+
+def checked(prefix: str | None, name: str) -> str:
+    """Return the prefix of an export."""
+    if prefix is None:
+        made = re.sub(r"\W", "_", name, flags=re.ASCII)[:LONGEST]
+        return made if _wrong(made) is None else f"axis_{made}"[:LONGEST]
+    if (wrong := _wrong(prefix)) is not None:
+        raise AmbkitError(f"prefix {wrong}")
+    return prefix
+
+
+def _wrong(prefix: str) -> str | None:
+    """Return its error, or None."""
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", prefix):
+        return f'must be a C identifier, a letter first, is "{prefix}"'
+    if len(prefix) > LONGEST:
+        return f'must have at most {LONGEST} characters, "{prefix}" has {len(prefix)}'
+    lower = prefix.lower()
+    if lower == "amb" or lower.startswith(("amb_", "ambkit")):
+        return f'must not be "{prefix}": the names of the core start with "amb_"; give another'
+    for what, words in _WORDS.items():
+        if lower in words:
+            return f'must not be "{prefix}", which is {what}; give another'
+    return None

@@ -5,7 +5,6 @@ instance has modes, time and state (``instance.h``), and ``fmi2.c`` and ``fmi3.c
 standard's calls. ``standard/`` has the standard's headers.
 """
 
-from ambkit.export.fmu.exporter import FmuExport, export_fmu
-from ambkit.export.fmu.ssp import export_ssp
+from ambkit.export.fmu.exporter import FmuExport, export_fmu, export_ssp
 
 __all__ = ["FmuExport", "export_fmu", "export_ssp"]

@@ -33,7 +33,7 @@ from ambkit.machine.parts import GRAVITY
 from ambkit.machine.stiffness import stiffness_map
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.many import Many, simulate_many
-from ambkit.simulation.planned import Planned
+from ambkit.simulation.plans import Planned
 from ambkit.simulation.run import samples, simulate
 from ambkit.simulation.scenario import Disturbance, Reference, Scenario
 from ambkit.simulation.waveforms import Constant, Recorded, Sequence, Signal, Sine, Step

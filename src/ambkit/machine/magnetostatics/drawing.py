@@ -10,8 +10,7 @@ from typing import Annotated
 from pydantic import Field
 
 from ambkit.base.config import Document, Part, Read
-from ambkit.base.config.quantities import Quantity
-from ambkit.base.config.text_types import Description, Name
+from ambkit.base.config.quantities import Description, Name, Quantity
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.magnetostatics.geometries import AnyGeometry
 from ambkit.machine.magnetostatics.geometries.geometry import Geometry, Windings

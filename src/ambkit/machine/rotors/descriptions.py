@@ -15,8 +15,7 @@ from pydantic import Field
 
 from ambkit.base.arrays import Array
 from ambkit.base.config import Part, Read
-from ambkit.base.config.quantities import Quantity
-from ambkit.base.config.text_types import FilePath
+from ambkit.base.config.quantities import FilePath, Quantity
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.machine.rotors import beam

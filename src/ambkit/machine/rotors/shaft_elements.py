@@ -9,8 +9,7 @@ from typing import Annotated, Any
 from pydantic import SerializerFunctionWrapHandler, model_serializer
 
 from ambkit.base.config import Part, Read
-from ambkit.base.config.quantities import Quantity
-from ambkit.base.config.text_types import Name
+from ambkit.base.config.quantities import Name, Quantity
 from ambkit.base.units import engineering
 from ambkit.machine.rotors import beam
 

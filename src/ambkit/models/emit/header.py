@@ -1,4 +1,4 @@
-"""Header of a kind of machine: its constants and steps, for ``ambkit/model.h``."""
+"""Header of a kind of machine: constants, steps and covariance, for ``ambkit/model.h``."""
 
 from __future__ import annotations
 
@@ -7,9 +7,145 @@ import textwrap
 from collections.abc import Sequence
 
 from ambkit.models.emit import steps
-from ambkit.models.emit.covariance import predict_covariance
-from ambkit.models.emit.names import Names
-from ambkit.models.model import MATRICES, Model
+from ambkit.models.emit.names import (
+    COV,
+    GROWTH,
+    Factor,
+    Names,
+    Stages,
+    Sum,
+    Term,
+    product,
+    products,
+    total,
+)
+from ambkit.models.model import MATRICES, ZERO, Model
+
+Symbols = list[list[str | None]]
+
+
+def predict_covariance(names: Names) -> str:
+    """Return the function that predicts the covariance."""
+    n, p, stages = range(names.n), range(names.p), Stages()
+    rows = [_force_row(names, f, stages) for f in p]
+    g = _gains(names, stages)
+    q = _force_noise(names, g, stages)
+    b = [names.entries("b", i) for i in n]
+    w = [
+        [
+            stages.add(
+                names.of_force("w", f, j), [product(names.P(k, j), a) for k, a in rows[f][::-1]]
+            )
+            for j in n
+        ]
+        for f in p
+    ]
+    M: Symbols = []
+    for i in n:
+        M.append([])
+        for j in n:
+            terms = [product(a, names.P(k, j)) for k, a in names.entries("L", i)]
+            terms += products((a, w[f][j]) for f, a in b[i])
+            M[i].append(stages.add(names.pair("M", i, j), terms))
+    direct = [_direct(names, i, stages) for i in n]
+    z: Symbols = []
+    for i in n:
+        z.append([])
+        V = {
+            at: stages.add(names.of_control("V", i, at), [product(B, f"var_u[{at}]")])
+            for at, B in direct[i].items()
+        }
+        for f in p:
+            terms = products((a, q[min(k, f)][max(k, f)]) for k, a in b[i])
+            terms += products((noise, g[f][at]) for at, noise in V.items())
+            terms += products((a, M[i][k]) for k, a in rows[f][::-1])
+            z[i].append(stages.add(names.of_force("z", f, i), terms))
+    U = [_with_noise(names, i, direct[i], g, stages) for i in n]
+    upper: list[Sum] = []
+    for i, j in names.pairs:
+        terms = products((a, M[i][k]) for k, a in names.entries("L", j))
+        if (names.model.pattern["N"][:, i, j] != ZERO).any():
+            terms.append(product(f"growth[{names.where[i, j]}]"))
+        terms += products((B, U[i][at]) for at, B in direct[j].items())
+        terms += products((a, z[i][f]) for f, a in b[j])
+        upper.append(terms)
+    lines, symbols = stages.needed(upper)
+    stored = [f"cov[{at}] = {total(terms)};" for at, terms in enumerate(upper)]
+    return names.function(
+        "Eq. 10, A P A' + Q on the upper triangle, row by row.",
+        "predict_covariance",
+        [
+            "const amb_stiffness k[AMB_FORCES]",
+            *(f"const amb_real {name}[AMB_CONTROLS]" for name in ("k_ui", "var_u")),
+            f"const {GROWTH}",
+            COV,
+            "amb_real work[AMB_WORK]",
+        ],
+        names.loads(symbols) + lines + stored,
+    )
+
+
+def _force_row(names: Names, f: int, stages: Stages) -> list[tuple[int, Factor]]:
+    """Return the entries of a linearised force by the state: k_s h + k_i e + r."""
+    h, e, r = (dict(names.entries(name, f)) for name in "her")
+    results: list[tuple[int, Factor]] = []
+    for j in sorted({*h, *e, *r}):
+        terms = [product(h[j], names.of_p("k_s", f))] if j in h else []
+        terms += [product(e[j], names.of_p("k_i", f))] if j in e else []
+        terms += [product(r[j])] if j in r else []
+        # a collocated input, with coefficient one
+        single = len(terms) == 1 and not terms[0].symbols
+        results.append((j, None if single else stages.add(names.of_force("h", f, j), terms)))
+    return results
+
+
+def _gains(names: Names, stages: Stages) -> Symbols:
+    """Return g = (k_i d) k_ui, of each force by each control signal."""
+    gains: Symbols = [[None] * names.c for _ in range(names.p)]
+    for f in range(names.p):
+        for at, d in names.entries("d", f):
+            current = [product(d, names.of_p("k_i", f))]
+            stiffness = stages.add(names.of_control("a", f, at), current)
+            gain = [product(stiffness, f"k_ui[{at}]")]
+            gains[f][at] = stages.add(names.of_control("g", f, at), gain)
+    return gains
+
+
+def _force_noise(names: Names, g: Symbols, stages: Stages) -> Symbols:
+    """Return q, the covariances of the forces due to the controls' noise: the upper triangle."""
+    q: Symbols = [[None] * names.p for _ in range(names.p)]
+    for i in range(names.p):
+        for j in range(i, names.p):
+            terms = [
+                Term(f"({a} * {b}) * {var}", frozenset({a, b, var}))
+                for at, (a, b) in enumerate(zip(g[i], g[j], strict=True))
+                for var in [f"var_u[{at}]"]
+                if a is not None and b is not None
+            ]
+            q[i][j] = stages.add(names.of_force("q", i, j), terms)
+    return q
+
+
+def _direct(names: Names, i: int, stages: Stages) -> dict[int, Factor]:
+    """Return the direct effect of a control signal of 1 on a state: B_u k_ui."""
+    return {
+        at: stages.add(names.of_control("B", i, at), [product(B, f"k_ui[{at}]")])
+        for at, B in names.entries("B_u", i)
+    }
+
+
+def _with_noise(
+    names: Names, i: int, direct: dict[int, Factor], g: Symbols, stages: Stages
+) -> list[str | None]:
+    """Return the covariances of a predicted state with the controls' noise."""
+    results = []
+    for at in range(names.c):
+        terms = [product(direct[at])] if at in direct else []
+        terms += products((a, g[f][at]) for f, a in names.entries("b", i))
+        name, var = names.of_control("U", i, at), f"var_u[{at}]"
+        results.append(stages.add(name, terms, times=var))
+    return results
+
 
 SCALAR = (steps.growth, steps.drives, steps.pushed, steps.role, steps.sound, steps.known)
 """Functions of the scalar filter used for several lanes."""

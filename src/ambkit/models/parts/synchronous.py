@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ambkit.data.signals import signal
-from ambkit.machine.angle_sensor import SLOWEST
+from ambkit.machine.accessories import SLOWEST
 from ambkit.machine.geometry import Line
 from ambkit.models.declaration import Place, Plan, place, row
 
