@@ -244,12 +244,12 @@ def test_the_block_is_flown_and_assessed(copy):
         copy,
         """
 import ambkit
-from ambkit.judge.loop.loop_builder import LoopOf
+from ambkit.judge.loop.loop_builder import LoopBuilder
 bearing = ambkit.preset("zittau_axial")
 for block in ([], [{"type": "first-order", "frequency": "500 Hz"}]):
     law = ambkit.Control(feedback="measurement", block=block)
     flown = ambkit.simulate(bearing, ambkit.Scenario(duration=0.02, controller=law)).record
-    print(round(LoopOf(bearing, law).peak(), 1), bool(abs(flown["x"]).max() < 1e-4))
+    print(round(LoopBuilder(bearing, law).peak(), 1), bool(abs(flown["x"]).max() < 1e-4))
 """,
     )
     (plain, held), (late, still) = map(str.split, said.splitlines())
@@ -265,9 +265,9 @@ def test_the_sensor_is_a_measurement_and_becomes_c(copy, tmp_path):
         f"""
 import pathlib
 from ambkit.models import compose, emit
-from ambkit.models.parts import Amplifier, Disturbance, MagnetPlace, Rotor, Sensor
+from ambkit.models.parts import Amplifier, Disturbance, MagnetForce, Rotor, Sensor
 from ambkit.models.parts.pick_up import PickUp
-parts = [Rotor(1.0, 1.0, 1.0), MagnetPlace(1.0), Disturbance(1.0, 1.0), Sensor(1.0, 1e-4, 1.0),
+parts = [Rotor(1.0, 1.0, 1.0), MagnetForce(1.0), Disturbance(1.0, 1.0), Sensor(1.0, 1e-4, 1.0),
          Amplifier(1.0, None), PickUp(2.0, 0.05)]
 model = compose(parts, 1e-4, name="two_sensors")
 print(*(each.name for each in model.measurements))
