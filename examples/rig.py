@@ -107,15 +107,18 @@ for name, record in logs.items():
                          settling=0.2, name=name)  # fmt: skip
         checks[what, name] = check
         print(
-            f"{name:12} {what:8} 1 ms: {1e6 * check.error[1]:.1f} µm, "
-            f"10 ms: {1e6 * check.error[10]:.1f} µm, fit {check.fit[10]:.2f} %"
-            f" (held {check.held[10]:.2f} %), white {100 * check.residual.share_within:.0f} %,"
+            f"{name:12} {what:8} 1 ms: {1e6 * check.errors['error'][1]:.1f} µm, "
+            f"10 ms: {1e6 * check.errors['error'][10]:.1f} µm, fit {check.fit()[10]:.2f} %"
+            f" (held {check.fit('held')[10]:.2f} %), "
+            f"white {100 * check.residual.share_within:.0f} %,"
             f" free of control {100 * check.cross.share_within:.0f} %, NIS {check.nis:.2f}"
         )
 
 # The start is no match: it would squeeze the others together.
 others = [
-    replace(checks["lift-off", name], of_start={}) for name in ("no_filter", "LO", "EKF", "step")
+    replace(check, errors={kind: by for kind, by in check.errors.items() if kind != "of_start"})
+    for (what, name), check in checks.items()
+    if what == "lift-off" and name in ("no_filter", "LO", "EKF", "step")
 ]
 figures.fit_figure(others).save("rig_fit.png")
 figures.residual_figure(others).save("rig_residuals.png")

@@ -16,13 +16,13 @@ from ambkit.base.errors import AmbkitError
 from ambkit.data import recordings
 from ambkit.estimate.constant_velocity import tune
 from ambkit.estimate.errors import rms
-from ambkit.identification.corpus.corpus import identify_corpus
+from ambkit.identification.corpus.corpus import identify_corpus, in_the_mean
 from ambkit.identification.corpus.pooling import deviation, pool
-from ambkit.identification.corpus.prediction import Prediction, in_the_mean, predict
 from ambkit.identification.corpus.segmentation import cut, flights
 from ambkit.identification.maximum_likelihood.baselines import AHEAD, Baselines, Layout, _parts
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named
+from ambkit.identification.maximum_likelihood.validation import Validation, Whiteness, validate
 from ambkit.workflow.identify import starting_model
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
@@ -79,15 +79,16 @@ def test_logs_say_what_is_true_and_a_smoothed_one_is_named(corpus):
 
 def test_each_is_foretold_by_the_others(corpus):
     for each in corpus.predictions:
-        assert each.error[10] < each.without_a_magnet[10]
-        assert each.error[10] < each.held[10]
+        error = each.errors["error"]
+        assert error[10] < each.errors["without_a_magnet"][10]
+        assert error[10] < each.errors["held"][10]
         assert each.nis == pytest.approx(1.0, abs=0.12)
-        assert each.error[1] > each.floor
+        assert error[1] > each.floor
         assert each.left < 0.05
     data = json.loads(corpus.to_json())
     for each in corpus.predictions:
         told = data["predictions"][each.name]
-        assert told["arx"] == {str(k): error for k, error in each.arx.items()}
+        assert told["arx"] == {str(k): error for k, error in each.errors["arx"].items()}
         assert (told["nis"], told["predictable_share"]) == (each.nis, each.left)
     pooled = corpus.pooled
     for k, one in enumerate(pooled.parameters):
@@ -105,15 +106,18 @@ def test_good_is_what_no_baseline_knows_more_of():
         "held": {1: 24e-6, 10: 30e-6}, "without_a_magnet": {1: 19e-6, 10: 28e-6},
         "arx": {1: 19e-6, 10: 27e-6}, "subspace": {1: 19e-6, 10: 26e-6},
     }  # fmt: skip
-    well = Prediction(
-        "log", 10_000, **errors, chosen={}, floor=17e-6, nis=1.05, white=0.5, left=0.01
+    white = Whiteness(np.array([0.5, 0.0]), 0.1)
+    well = Validation(
+        "log", 10_000, errors, {1: 1e-3, 10: 1e-3}, white, white, nis=1.05, left=0.01, floor=17e-6
     )
     assert well.good  # whiteness alone does not count: in a long log little shows
+    assert "The residuals are not white" in well.verdict
     assert well.best == "without_later_controls"
-    for worse in ({"nis": 1.4}, {"nis": 0.7}, {"left": 0.2}, {"arx": {1: 19e-6, 10: 20e-6}},
-                  {"subspace": {1: 19e-6, 10: 20e-6}},
-                  {"held": {1: 17e-6, 10: 30e-6}}):  # fmt: skip
+    for worse in ({"nis": 1.4}, {"nis": 0.7}, {"left": 0.2}, {"gain": -0.1}, {"suspect": "lag"}):
         assert not replace(well, **worse).good
+    for kind, by in (("arx", {1: 19e-6, 10: 20e-6}), ("subspace", {1: 19e-6, 10: 20e-6}),
+                     ("held", {1: 17e-6, 10: 30e-6})):  # fmt: skip
+        assert not replace(well, errors=errors | {kind: by}).good
 
 
 def test_a_filter_that_knows_the_truth_loses_to_no_model_that_knows_as_much():
@@ -122,15 +126,20 @@ def test_a_filter_that_knows_the_truth_loses_to_no_model_that_knows_as_much():
     others = Baselines.joint(Baselines.of([[quiet[name]] for name in "123"]))
     naive = in_the_mean([tune(quiet[name]["y"], BALL.sampling_time) for name in "123"])
     truth = LoopModel(BALL, disturbance_noise=1e-8, substeps=1)
-    told = predict("0", [quiet["0"]], truth, others, naive)
-    assert told.without_later_controls[1] == pytest.approx(told.error[1], rel=1e-3)
-    assert told.best == "without_later_controls"
-    assert told.arx[10] < 1.05 * told.without_later_controls[10]  # with 270 weights, hardly worse
-    assert told.without_later_controls[10] < told.error[10]
-    late = predict("0", [quiet["0"]], truth.replace(delay=-0.4e-3, line=True), others, naive)
-    assert late.without_later_controls[10] == pytest.approx(
-        told.without_later_controls[10], rel=0.15
-    )
+
+    def predicted(model):
+        return validate(
+            model, quiet["0"], horizons=AHEAD, settling=0.25, naive=naive, baselines=others
+        )
+
+    found = predicted(truth)
+    past, arx, known = (found.errors[of] for of in ("without_later_controls", "arx", "error"))
+    assert past[1] == pytest.approx(known[1], rel=1e-3)
+    assert found.best == "without_later_controls"
+    assert arx[10] < 1.05 * past[10]  # with 270 weights, hardly worse
+    assert past[10] < known[10]
+    late = predicted(truth.replace(delay=-0.4e-3, line=True)).errors["without_later_controls"]
+    assert late[10] == pytest.approx(past[10], rel=0.15)
 
 
 def test_a_log_is_cut_where_it_does_not_fly():
@@ -330,7 +339,7 @@ def test_four_logs_of_a_rig_foretell_another_and_the_smoothed_one_is_named():
     assert "smoothed" in found.left_out["step-PID_anti_windup-KF"]
     for each in found.predictions:
         assert each.good
-        assert each.error[10] < 24.5e-6
+        assert each.errors["error"][10] < 24.5e-6
         assert 0.9 < each.nis < 1.15
     (hum,) = found.model.isolated.sensor.hum
     assert hum.frequency == pytest.approx(50, abs=0.2)
@@ -361,8 +370,8 @@ def test_spikes_and_missing_samples_of_logs_spoil_nothing():
     assert found.to_dict()["spikes"] == dict(found.spikes)
     for one, other in zip(sound.predictions, found.predictions, strict=True):
         for kind in ("error", "without_later_controls", "held", "arx"):
-            for ahead, value in getattr(one, kind).items():
-                assert getattr(other, kind)[ahead] == pytest.approx(value, rel=0.1), (kind, ahead)
+            for ahead, value in one.errors[kind].items():
+                assert other.errors[kind][ahead] == pytest.approx(value, rel=0.1), (kind, ahead)
     off = (found.pooled.values - sound.pooled.values) / sound.pooled.values / sound.pooled.errors
     assert np.abs(off).max() < 1.0
 

@@ -217,6 +217,23 @@ def test_an_axis_keeps_its_limits_beside_the_others(call):
     assert 0.8 < used <= 1
 
 
+def test_an_unbalance_that_breaks_a_limit_is_an_error_and_a_smaller_one_leaves_the_rest(call):
+    tum, words = Machine.preset("tum_mlps"), ("--duration", "60 ms", "--band", "70 Hz,500 Hz")
+    limits = Limits.of(tum.isolated_axis("A1"))
+    (plane,) = tum.unbalance
+    tum.replace(unbalance=[plane.model_copy(update={"amount": 100 * plane.amount})]).save("u.toml")
+    refused = call("excite", "u.toml", "--axis", "A1", *words)
+    assert refused.code == 2
+    assert "even without excitation the loop reaches" in refused.err
+    assert "the limits, 2 A and 0.175 mm, leave no room" in " ".join(refused.err.split())
+    tum.replace(unbalance=[plane.model_copy(update={"amount": 50 * plane.amount})]).save("u.toml")
+    assert call("excite", "u.toml", "--axis", "A1", *words, "--out", "e.csv").code == 0
+    call("simulate", "u.toml", "--signal", "e.csv", "--out", "run.csv")
+    record = Record.load("run.csv")
+    used = np.abs(record["iu_A1"]).max() / limits.current
+    assert 0.9 < max(used, np.abs(record["s_A1"]).max() / limits.displacement) <= 1
+
+
 def test_step_and_reference_exclude_each_other(call):
     ambkit.simulate(BEARING, duration="10 ms").record.save("r.csv")
     told = call("simulate", "zittau_axial", "--step", "0.1 mm", "--signal", "r.csv")

@@ -219,7 +219,7 @@ def test_the_truth_passes_and_what_is_wrong_is_named(record):
     good = validate(TRUTH, record, name="r", settling=0.01)
     assert good.good, good.verdict
     assert good.verdict == "The model passes all checks."
-    assert good.fit[10] > good.held[10]
+    assert good.fit()[10] > good.fit("held")[10]
     late = validate(replace(TRUTH, delay=8e-4), record, start=TRUTH, settling=0.01)
     assert not late.good
     assert late.gain < 0

@@ -30,9 +30,9 @@ def test_a_model_from_four_seconds_predicts_another_log():
     check = validate(found.model, steps, start=found.start, horizons=(1, 10), settling=0.2)
     assert check.samples > 5000
     for ahead in (1, 10):
-        assert check.fit[ahead] > check.held[ahead] + 0.3
-    assert check.fit[10] > 97
-    assert check.of_start[10] < check.held[10]  # the start alone does not get there
+        assert check.fit()[ahead] > check.fit("held")[ahead] + 0.3
+    assert check.fit()[10] > 97
+    assert check.fit("of_start")[10] < check.fit("held")[10]  # the start alone does not get there
     assert check.gain > 0.1
     # What docs/explanation/rig.md says of the model's limits is said here, too.
     assert not check.good

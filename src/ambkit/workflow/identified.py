@@ -23,7 +23,7 @@ from ambkit.estimate.noise_model import FilterNoise
 from ambkit.identification.forces.force_map import ForceMap, force_map
 from ambkit.identification.maximum_likelihood import figures as plots
 from ambkit.identification.maximum_likelihood.axis_model import AxisModel
-from ambkit.identification.maximum_likelihood.baselines import FROM_THE_PAST, errors_from_the_past
+from ambkit.identification.maximum_likelihood.baselines import AHEAD, errors_from_the_past
 from ambkit.identification.maximum_likelihood.load_steps import cut_at_load_steps, names_of_parts
 from ambkit.identification.maximum_likelihood.parameters import OFFSETS
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
@@ -184,24 +184,7 @@ class Identified(Result):
                 ], section=("rest",), of=name)  # fmt: skip
         result += [*self.structure.rows(), *self._at_operating_points()]
         for check in self.validation:
-            k = check.farthest
-            result += put([
-                Row("fit", f"fit, {k} samples ahead", check.fit[k] / 100, "%"),
-                Row("fit_of_start", "  initial model", check.of_start[k] / 100
-                    if k in check.of_start else None, "%"),
-                Row("held", "  last measurement held", check.held[k] / 100, "%"),
-                Row("error", "error, rms", check.error[k], "m", 3),
-                Row("without_a_magnet", "  filter without a magnet", check.without_a_magnet[k],
-                    "m", 3),
-                *(Row(f"{kind}.{ahead}", f"  from the past, {ahead}: {name}", by[ahead], "m", 3)
-                  for kind, (name, _) in FROM_THE_PAST.items()
-                  for by in [check.from_the_past.get(kind, {})] for ahead in by),
-                Row("white", "white lags of the residuals", check.residual.share_within, "%"),
-                Row("free_of_control", "lags independent of u", check.cross.share_within, "%"),
-                Row("nis", "mean NIS", check.nis, digits=3),
-                Row("predictable", "predictable share", check.left, "%"),
-                Row("gain", "gain of log-likelihood per sample", check.gain),
-            ], section=("fits",), of=check.name)  # fmt: skip
+            result += put(check.rows(), section=("fits",), of=check.name)
         return result
 
     def _at_operating_points(self) -> Iterator[Row]:
@@ -287,13 +270,13 @@ class Identified(Result):
         return data
 
     def figures(self) -> list[Figure]:
-        record, first = self.parts[0], self.validation[0]
+        record, name = self.parts[0], self.validation[0].name
         model = self.likelihood.model
         return [
             plots.identified_figure(self.likelihood, self.validation),
             *self.likelihood.figures(),
             plots.fit_figure(self.validation),
-            plots.prediction_figure(model, record, first.farthest, first.name),
+            plots.prediction_figure(model, record, AHEAD[-1], name),
             plots.residual_figure(self.validation),
         ]
 
@@ -316,12 +299,11 @@ def validations(
     model, checks = result.model, []
     for name, record in zip(names_of_parts(names, judged, pieces), pieces, strict=True):
         check = validate(model, record, start=result.start, settling=result.settling, name=name)
-        check = replace(check, suspect=suspect)
+        errors = dict(check.errors)
         if not isinstance(model, AxisModel):
             settling = round(result.settling / record.sampling_time)
-            past = errors_from_the_past(model, parts, record, settling)
-            check = replace(check, from_the_past=past)
-        checks.append(check)
+            errors |= errors_from_the_past(model, parts, record, settling)
+        checks.append(replace(check, suspect=suspect, errors=errors))
     return checks
 
 

@@ -224,7 +224,7 @@ def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator
         yield from contact_notes(machine, run.record, estimates)
         yield from angle_notes(machine, run.record, estimates)
         if filter is not None:
-            yield from unbalance_notes(machine, run.record, {filter.name: filter})
+            yield from unbalance_notes(machine, run.record, filter, run.estimate)
     if touched and scenario.start == "levitated":
         yield _of_the_stop(run)
         if machine.speed:

@@ -14,20 +14,13 @@ from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.units import engineering, figure
 from ambkit.data.reading.faults import without_spikes
 from ambkit.data.record import Record
-from ambkit.estimate.constant_velocity import tune
+from ambkit.estimate.constant_velocity import ConstantVelocityFilter, tune
 from ambkit.estimate.errors import rms
 from ambkit.identification.corpus.magnet_strength import StrengthLoss, strength_loss
 from ambkit.identification.corpus.pooling import Deviation, Pooled, deviation, pool
-from ambkit.identification.corpus.prediction import (
-    KINDS,
-    PAST_ONLY,
-    Prediction,
-    in_the_mean,
-    predict,
-)
 from ambkit.identification.corpus.segmentation import SMOOTHED, Stretch, cut, flights
 from ambkit.identification.maximum_likelihood.axis_model import AxisModel
-from ambkit.identification.maximum_likelihood.baselines import AHEAD, Baselines
+from ambkit.identification.maximum_likelihood.baselines import AHEAD, PREDICTORS, Baselines
 from ambkit.identification.maximum_likelihood.current_state import is_interpolated
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
@@ -40,9 +33,11 @@ from ambkit.identification.maximum_likelihood.parameters import (
     usual,
 )
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
+from ambkit.identification.maximum_likelihood.validation import Validation, validate
 from ambkit.identification.noise import white_noise, with_steps
 from ambkit.machine.accessories import Hum
 from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import own_time
 from ambkit.result.report import Axis, Bars, Figure, Panel
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
@@ -51,6 +46,7 @@ SAME_LINE = 0.02
 """Relative tolerance for frequencies of one line in different logs: the mains keep to 1 %."""
 
 FEWEST = 2  #: Minimum number of logs for pooling.
+SETTLED = 4.0  #: Time constants of the plant after which predictions count.
 THREADS = 2  #: Logs identified in parallel.
 
 
@@ -62,7 +58,7 @@ class Corpus(Result):
     model: LoopModel  #: Model with the pooled parameters.
     pooled: Pooled  #: Pooled parameters, errors, and scatter between logs.
     found: Mapping[str, MaximumLikelihood]  #: Individual result of each log.
-    predictions: Sequence[Prediction]  #: Prediction of each log by a model of the others.
+    predictions: Sequence[Validation]  #: Prediction of each log by a model of the others.
     stretches: Mapping[str, Sequence[Stretch]]  #: Segmentation of each log.
     left_out: Mapping[str, str]  #: Logs that were not used, with reasons.
     #: Logs with spikes in their positions, with the number of rejected samples.
@@ -112,9 +108,9 @@ class Corpus(Result):
     def _better_baselines(self) -> str:
         """Yield cases in which a baseline without magnet model predicts better from the past."""
         k, own, by = AHEAD[-1], "without_later_controls", list[str]()
-        for kind, name in PAST_ONLY.items():
+        for kind, (name, _, _) in PREDICTORS.items():
             gains = [
-                1 - getattr(one, kind)[k] / getattr(one, own)[k]
+                1 - one.errors[kind][k] / one.errors[own][k]
                 for one in self.predictions if one.best == kind != own
             ]  # fmt: skip
             if gains:
@@ -218,11 +214,11 @@ def corpus_figure(corpus: Corpus) -> Figure:
     logs = {str(k): one for k, one in enumerate(corpus.predictions, 1)}
     panels = [
         Panel(Axis("log"), Axis(f"error {ahead} ahead", "µm rms", 1e6), [
-            Bars(tuple(logs), np.array([getattr(one, kind)[ahead] for one in logs.values()]),
+            Bars(tuple(logs), np.array([one.errors[kind][ahead] for one in logs.values()]),
                  signal=signal, label=label)
-            for kind, (_, signal, label) in KINDS.items()
+            for kind, (_, signal, label) in PREDICTORS.items() if kind != "of_start"
         ])
-        for ahead in corpus.predictions[0].error
+        for ahead in AHEAD
     ]  # fmt: skip
     caption = ", ".join(f"{number}: {one.name}" for number, one in logs.items())
     title = "Cross-validation: each log predicted by a model of the others"
@@ -269,14 +265,17 @@ def identify_corpus(
     fitted = Baselines.of(parts)
     naive = [tune([one["y"] for one in part], part[0].sampling_time) for part in parts]
 
-    def by_the_others(name: str) -> tuple[Prediction, Deviation | None]:
+    def by_the_others(name: str) -> tuple[Validation, Deviation | None]:
         own = names.index(name)
         note(f"predicting {own + 1} of {len(names)}: {name}")
         rest = [k for k in range(len(names)) if k != own]
         others, model = _together([likelihoods[names[k]] for k in rest], start)
-        prediction = predict(
-            name, parts[own], model, Baselines.joint([fitted[k] for k in rest]),
-            in_the_mean([naive[k] for k in rest]),
+        baselines = Baselines.joint([fitted[k] for k in rest])
+        T = parts[own][0].sampling_time
+        prediction = validate(
+            model, parts[own], name=name, horizons=AHEAD, baselines=baselines,
+            naive=in_the_mean([naive[k] for k in rest]),
+            settling=max(SETTLED * own_time(model.isolated), baselines.layout.lags * T),
         )  # fmt: skip
         return prediction, deviation(likelihoods[name], others, len(names))
 
@@ -289,6 +288,13 @@ def identify_corpus(
     return Corpus(
         start, model, joint, likelihoods, predicted, stretches, left_out, spikes, deviations, weaker
     )
+
+
+def in_the_mean(several: Sequence[ConstantVelocityFilter]) -> ConstantVelocityFilter:
+    """Return the mean of filters tuned to several logs."""
+    q, R = (float(np.exp(np.mean(np.log([getattr(one, name) for one in several]))))
+            for name in ("q", "R"))  # fmt: skip
+    return ConstantVelocityFilter(several[0].T, q, R)
 
 
 def _together(results: Sequence[MaximumLikelihood], start: LoopModel) -> tuple[Pooled, LoopModel]:

@@ -307,15 +307,8 @@ class _Loop:
         """Return the reference that reaches one of the limits in each of its parts."""
         # Current and displacement are nearly linear in it, on top of the noise.
         parts = excitation.parts
-        still = self.run(np.zeros(self.n))
-        floor = self.levels(still, parts)
-        if not np.max(floor) < FILLED:
-            current, far = (float(np.max(np.abs(still[name]))) for name in ("iu", "x"))
-            raise AmbkitError(
-                f"even without excitation the loop reaches {engineering(current, 'A')} and "
-                f"{engineering(far, 'm')}; the limits, {engineering(self.limits.current, 'A')} and "
-                f"{engineering(self.limits.displacement, 'm')}, leave no room"
-            )
+        floor = self.levels(self.run(np.zeros(self.n)), parts)
+        self.check_room(floor)
         stiff = ConstantStiffness.of(self.machine)
         kp = max(self.scenario.controller.kp, stiff.k_s / stiff.k_i)
         gain = np.full(len(parts), 0.2 * min(self.limits.displacement, self.limits.current / kp))
@@ -334,14 +327,40 @@ class _Loop:
 
     def within_limits(self, reference: Array) -> Array:
         """Return the reference, reduced if another noise seed exceeds a limit."""
-        parts = [slice(0, self.n)]
+        floor: Array | None = None
         for _ in range(TRIES):
-            runs = [self.run(reference, other) for other in range(SEEDS)]
-            most = np.max([self.levels(record, parts) for record in runs])
-            if most <= 1:
-                break
-            reference = reference * 0.995 / most
-        return reference
+            levels = self.greatest(reference)
+            if np.max(levels) <= 1:
+                return reference
+            if floor is None:
+                floor = self.greatest(0 * reference)
+                self.check_room(floor)
+            rise = np.maximum(levels - floor, 1e-3)
+            reference = reference * min(0.995, float(np.min((0.99 - floor) / rise)))
+        least = engineering(float(np.max(np.abs(reference))), "m")
+        raise AmbkitError(
+            f"even with a reference of {least} the loop reaches {self.beyond(levels)}"
+        )
+
+    def greatest(self, reference: Array) -> Array:
+        """Return the greatest utilisation of each limit over noise seeds (2, 1)."""
+        runs = (self.run(reference, other) for other in range(SEEDS))
+        levels = [self.levels(record, [slice(0, self.n)]) for record in runs]
+        return np.asarray(np.max(levels, axis=0))
+
+    def check_room(self, floor: Array) -> None:
+        """Reject limits that are reached without excitation."""
+        if not np.max(floor) < FILLED:
+            raise AmbkitError(f"even without excitation the loop reaches {self.beyond(floor)}")
+
+    def beyond(self, levels: Array) -> str:
+        """Return current and displacement at a utilisation (2, parts), and their limits."""
+        most = self.limits.current, self.limits.displacement
+        at, limits = (
+            f"{engineering(current, 'A')} and {engineering(far, 'm')}"
+            for current, far in (levels.max(axis=1) * most, most)
+        )
+        return f"{at}; the limits, {limits}, leave no room"
 
 
 class _OfSeveral(_Loop):

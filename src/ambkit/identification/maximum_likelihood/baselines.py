@@ -26,11 +26,19 @@ AHEAD = (1, 10)  #: Prediction horizons in samples.
 LAGS = (30, 60, 90)  #: Candidate numbers of past samples of each signal.
 STATES = (4, 6, 8, 12, 16, 24, 32)  #: Candidate numbers of states of the joint process.
 
-FROM_THE_PAST = {
-    "without_later_controls": ("model", "series 3"), "arx": ("ARX", "another"),
-    "subspace": ("subspace", "series 4"),
-}  # fmt: skip
-"""Predictors from the past only: name, and style in a figure."""
+PREDICTORS = {
+    "error": ("model", "estimate", "model"),
+    "of_start": ("initial model", "start", "initial model"),
+    "without_later_controls": ("past only", "series 3", "model, without later controls"),
+    "arx": ("ARX", "another", "ARX"),
+    "subspace": ("subspace", "series 4", "subspace model"),
+    "without_a_magnet": ("velocity", "series 2", "without a magnet"),
+    "held": ("held", "constant", "last measurement held"),
+}
+"""Name, style in a figure and label of each predictor."""
+
+FROM_THE_PAST = ("without_later_controls", "arx", "subspace")
+"""Predictors with the controls expected from the past."""
 
 SPARE = 2
 """Controls beyond the longest horizon: one for interpolation, one for a negative delay."""

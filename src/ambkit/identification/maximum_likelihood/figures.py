@@ -12,7 +12,7 @@ import numpy as np
 from ambkit.base.escaping import label, markdown
 from ambkit.base.units import engineering, interval, typeset
 from ambkit.data.record import Record
-from ambkit.identification.maximum_likelihood.baselines import FROM_THE_PAST
+from ambkit.identification.maximum_likelihood.baselines import FROM_THE_PAST, PREDICTORS
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import NOISES
 from ambkit.identification.maximum_likelihood.validation import Validation
@@ -34,6 +34,7 @@ LAG = Axis("lag", "samples")
 RATIO = Axis("estimate / initial")
 ORDER = ("bearing", "noise", "offsets", "delay", "position-dependent noise")
 WIDE = 3.0  #: Ratio of the ends above which an axis is logarithmic.
+FITS = ("error", "held", "of_start")  #: Predictors whose fit is plotted.
 SHOWN = 400  #: Samples of the prediction in the figure.
 
 
@@ -132,24 +133,22 @@ def fit_figure(checks: Sequence[Validation]) -> Figure:
     """Plot the fit of predictions over the horizon."""
     items: list[Item] = []
     for i, check in enumerate(checks):
-        ahead = np.array(list(check.fit), dtype=float)
+        ahead = np.array(list(check.fit()), dtype=float)
         look = RECORDS[i % len(RECORDS)]
-        fit, held, of_start = (
-            np.array(list(of.values())) for of in (check.fit, check.held, check.of_start)
-        )
+        fit, held, of_start = (np.array(list(check.fit(kind).values())) for kind in FITS)
         items += [
             Points(ahead, fit, signal=look, label=label(check.name)),
             Line(ahead, fit, signal=look, label=""),
             Line(ahead, held, signal=f"{look} held", label="last measurement held"),
         ]
-        if check.of_start:
+        if of_start.size:
             items.append(
                 Line(
                     ahead, of_start, signal=f"{look} start", label="prediction of the initial model"
                 )
             )
-    fits = [fit for check in checks for of in (check.fit, check.held, check.of_start)
-             for fit in of.values() if math.isfinite(fit)]  # fmt: skip
+    fits = [fit for check in checks for kind in FITS for fit in check.fit(kind).values()
+            if math.isfinite(fit)]  # fmt: skip
     low = 10 * math.floor(min([90.0, *fits]) / 10)
     limits = (max(-100.0, low), 103.0)
     panel = Panel(
@@ -157,11 +156,11 @@ def fit_figure(checks: Sequence[Validation]) -> Figure:
         title="prediction",
     )  # fmt: skip
     names = tuple(label(check.name) for check in checks)
-    ahead_past = max((k for check in checks for k in check.from_the_past.get("arx", ())), default=0)
+    ahead_past = max((k for check in checks for k in check.errors.get("arx", ())), default=0)
     bars: list[Item] = [
-        Bars(names, np.array([check.from_the_past.get(kind, {}).get(ahead_past, math.nan)
+        Bars(names, np.array([check.errors.get(kind, {}).get(ahead_past, math.nan)
                               for check in checks]), signal=signal, label=text)
-        for kind, (text, signal) in FROM_THE_PAST.items()
+        for kind in FROM_THE_PAST for _, signal, text in [PREDICTORS[kind]]
     ]  # fmt: skip
     past = Panel(
         Axis("record"), Axis("error, rms", "µm", 1e6), bars,

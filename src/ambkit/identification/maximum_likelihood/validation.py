@@ -1,9 +1,9 @@
-"""Validation of a model on other records, with a verdict."""
+"""Validation of a model on other records, beside baselines without magnet model."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,10 +13,16 @@ from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import RecordError
 from ambkit.data.reading.faults import spike_free
 from ambkit.data.record import Record
-from ambkit.estimate.constant_velocity import tune
-from ambkit.estimate.errors import LAGS, Whiteness, prediction_error, whiteness
-from ambkit.identification.maximum_likelihood.baselines import FROM_THE_PAST
+from ambkit.estimate.constant_velocity import ConstantVelocityFilter, tune
+from ambkit.estimate.errors import LAGS, Whiteness, rms, whiteness
+from ambkit.identification.maximum_likelihood.baselines import (
+    AHEAD,
+    FROM_THE_PAST,
+    PREDICTORS,
+    Baselines,
+)
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.result.row import Row
 
 HORIZONS = (1, 2, 5, 10, 20, 50)  #: Default horizons in samples.
 
@@ -28,6 +34,8 @@ LEFT = 0.05  #: Predictable share of a residual's variance that is acceptable.
 NIS = (0.8, 1.25)  #: Mean normalised innovation squared that is consistent.
 WHITE = 0.9  #: Share of lags within the 95 % bounds from which residuals count as white.
 
+Errors = Mapping[str, Mapping[int, float]]
+
 
 @dataclass(frozen=True, eq=False)
 class Validation:
@@ -35,163 +43,195 @@ class Validation:
 
     name: str  #: Name of the record.
     samples: int  #: Number of counted measurements.
-    #: Fit of the prediction [%] by samples ahead: 100 minus the RMS error over the position's
-    #: standard deviation (NRMSE, Ljung 1999); 100 is perfect, 0 a constant.
-    fit: Mapping[int, float]
-    held: Mapping[int, float]  #: The same if the last measurement is held.
-    error: Mapping[int, float]  #: RMS errors of the prediction [m].
-    #: Fit of the initial model [%]; empty without one.
-    of_start: Mapping[int, float]
+    #: RMS errors [m] of each of `PREDICTORS` by samples ahead. Those from the past only are missing
+    #: for a short record, and for an axis among others; the initial model's without one.
+    errors: Errors
+    spread: Mapping[int, float]  #: Standard deviation of the predicted positions [m], by horizon.
     residual: Whiteness  #: Autocorrelation of the residuals at lags 1, 2, ... with its 95 % bound.
     #: Correlation of the residuals with the prewhitened control signal 1, 2, ... samples before,
     #: with its bound. With later control signals a loop correlates in any case.
     cross: Whiteness
     nis: float  #: Mean normalised innovation squared; 1 if the noise is right.
-    gain: float  #: Log likelihood per sample over that of the initial model; NaN without one.
-    #: RMS errors of a constant-velocity Kalman filter tuned to this record [m].
-    without_a_magnet: Mapping[int, float]
     #: Share of the residuals' variance predictable from their past and the control signal's.
     left: float
-    #: RMS errors of predictors from the past only, see `errors_from_the_past`; empty for a short
-    #: record, and for an axis among others.
-    from_the_past: Mapping[str, Mapping[int, float]] = field(default_factory=dict)
+    floor: float  #: Rms measurement noise according to the model along this record [m].
+    gain: float = math.nan  #: Log likelihood per sample over that of the initial model.
+    #: Structure of the ARX model and of the joint process, by horizon.
+    chosen: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
     #: Structural defects of the model according to the records of its identification.
     suspect: str = ""
 
+    def fit(self, kind: str = "error") -> dict[int, float]:
+        """Return the fit of a predictor [%] by horizon; 100 is perfect, 0 a constant."""
+        # 100 minus the RMS error over the position's standard deviation (NRMSE, Ljung 1999).
+        return {
+            k: 100 * (1 - error / self.spread[k]) if self.spread.get(k, 0.0) > 0 else math.nan
+            for k, error in self.errors.get(kind, {}).items()
+        }
+
+    def better(self, kind: str, tolerance: float = AS_GOOD) -> bool:
+        """Whether a baseline predicts better than the model with the same information."""
+        own = self.errors.get("without_later_controls" if kind in FROM_THE_PAST else "error", {})
+        other = self.errors.get(kind, {})
+        return any(own[k] > tolerance * other[k] for k in AHEAD if k in own and k in other)
+
     @property
-    def farthest(self) -> int:
-        """Horizon nearest to 10 samples, used by the verdict."""
-        return min(self.fit, key=lambda ahead: abs(ahead - 10))
+    def best(self) -> str | None:
+        """Best predictor from the past only at the longest horizon, if there are several."""
+        known = [k for k in PREDICTORS if k not in ("error", "of_start") and k in self.errors]
+        if not set(FROM_THE_PAST) <= set(known):
+            return None
+        return min(known, key=lambda kind: self.errors[kind][AHEAD[-1]])
 
     @property
     def good(self) -> bool:
         """Whether the model passes all checks on this record."""
-        # It predicts better than the last measurement and than a filter without magnet model, its
-        # noise is consistent, hardly any of its residuals is predictable, the initial model was not
-        # more likely, and its structure passes all tests. A failed test of whiteness does not count
-        # by itself: in a long record it reveals insignificant effects.
-        k = self.farthest
-        return (
-            self.fit[k] > self.held[k]
-            and self.error[k] <= AS_GOOD * self.without_a_magnet[k]
-            and is_consistent(self.nis)
-            and is_explained(self.left)
-            and not self.gain < 0
-            and not self.better
-            and not self.suspect
-        )
+        return not self._objections
 
     @property
-    def better(self) -> list[str]:
-        """Baselines with the same information that predict better at the longest horizon."""
-        by = {FROM_THE_PAST[kind][0]: of[max(of)] for kind, of in self.from_the_past.items()}
-        return [name for name, error in by.items() if by["model"] > AS_GOOD * error]
+    def _objections(self) -> list[str]:
+        past = [PREDICTORS[kind][0] for kind in FROM_THE_PAST if self.better(kind)]
+        more = "larger" if self.nis > 1 else "smaller"
+        texts = {
+            f"The structure of the model is suspect: {self.suspect}.": bool(self.suspect),
+            "The model predicts no better than the last measurement held.":
+                self.better("held", 1.0),
+            "A filter without a magnet predicts better.": self.better("without_a_magnet"),
+            f"From the past alone, {' and '.join(past)} predicted better.": bool(past),
+            f"The initial model was more likely, by {-self.gain:.3f} per sample: the identified "
+            "parameters do not hold here.": self.gain < 0,
+            "Much of the residuals is predictable: a better model would predict more.":
+                not self.left < LEFT,
+            f"The residuals are {more} than expected: mean NIS {self.nis:.2f}, should be 1.":
+                not NIS[0] < self.nis < NIS[1],
+        }  # fmt: skip
+        return [text for text, holds in texts.items() if holds]
 
     @property
     def verdict(self) -> str:
         """Objections to the model, in sentences."""
-        k, more = self.farthest, "larger" if self.nis > 1 else "smaller"
-        objections = {
-            f"The structure of the model is suspect: {self.suspect}.": bool(self.suspect),
-            "The model predicts no better than the last measurement held.":
-                self.fit[k] <= self.held[k],
-            "A filter without a magnet predicts better.":
-                self.error[k] > AS_GOOD * self.without_a_magnet[k],
-            f"From the past alone, {' and '.join(self.better)} predicted better.":
-                bool(self.better),
-            f"The initial model was more likely, by {-self.gain:.3f} per sample: the identified "
-            "parameters do not hold here.": self.gain < 0,
+        # A failed test of whiteness is no objection by itself: in a long record it reveals
+        # insignificant effects.
+        remarks = {
             "The residuals are not white: some motion is unexplained, or the noise is "
             "coloured.": self.residual.share_within < WHITE,
             "The residuals depend on the control signal: force law, delay or lag is incomplete.":
                 self.cross.share_within < WHITE,
-            "Much of the residuals is predictable: a better model would predict more.":
-                not is_explained(self.left),
-            f"The residuals are {more} than expected: mean NIS {self.nis:.2f}, should be 1.":
-                not is_consistent(self.nis),
         }  # fmt: skip
-        objection = " ".join(text for text, holds in objections.items() if holds)
-        return objection or "The model passes all checks."
+        texts = [*self._objections, *(text for text, holds in remarks.items() if holds)]
+        return " ".join(texts) or "The model passes all checks."
+
+    def rows(self) -> list[Row]:
+        """Return the figures as rows."""
+        last, start = AHEAD[-1], self.fit("of_start")
+        best = [] if self.best is None else [
+            Row("best", f"best of the past {last}", PREDICTORS[self.best][0])
+        ]  # fmt: skip
+        return [
+            Row("samples", "samples", self.samples, detail=True),
+            Row("fit", f"fit, {last} samples ahead", self.fit()[last] / 100, "%"),
+            *(Row("fit_of_start", "  initial model", start[k] / 100, "%")
+              for k in start if k == last),
+            *(Row(f"{kind}.{k}", f"{words} {k}", self.errors[kind][k], "m", 3)
+              for k in AHEAD for kind, (words, _, _) in PREDICTORS.items()
+              if kind in self.errors and kind != "of_start"),
+            *best,
+            *(Row(f"{kind}_model.{k}", f"{PREDICTORS[kind][0]} {k}, chosen", text, detail=True)
+              for kind, by in self.chosen.items() for k, text in by.items()),
+            Row("noise_floor", "noise floor", self.floor, "m", 3, detail=True),
+            Row("nis", "NIS", self.nis, digits=3),
+            Row("white_share", "white lags", self.residual.share_within, "%"),
+            Row("cross_share", "lags independent of u", self.cross.share_within, "%"),
+            Row("predictable_share", "predictable", self.left, "%"),
+            *(Row("gain", "gain of log-likelihood per sample", self.gain)
+              for _ in range(math.isfinite(self.gain))),
+            Row("good", "good", self.good),
+        ]  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data for JSON."""
-        by_horizon = {
-            "fit_percent": self.fit, "held_percent": self.held, "start_percent": self.of_start,
-            **{f"rms_error_{kind}": by for kind, by in self.from_the_past.items()},
-            "rms_error": self.error, "rms_error_without_a_magnet": self.without_a_magnet,
-        }  # fmt: skip
+        """Return the errors over the horizon and the verdict as plain data for JSON."""
+        errors = {kind: {str(k): e for k, e in by.items()} for kind, by in self.errors.items()}
         return {
-            "record": self.name, "samples": self.samples,
-            **{name: {str(k): v for k, v in by.items()} for name, by in by_horizon.items()},
-            "white_share": self.residual.share_within, "cross_share": self.cross.share_within,
-            "nis": self.nis, "gain_per_sample": self.gain, "predictable_share": self.left,
-            "good": self.good, "verdict": self.verdict,
+            "record": self.name, "rms_error": errors, "good": self.good, "verdict": self.verdict,
         }  # fmt: skip
-
-
-def is_consistent(nis: float) -> bool:
-    """Whether the noise agrees with the model."""
-    return NIS[0] < nis < NIS[1]
-
-
-def is_explained(share: float) -> bool:
-    """Whether so little of the residuals is predictable that the model passes."""
-    return share < LEFT
 
 
 def validate(
     model: LoopModel,
-    record: Record,
+    records: Record | Sequence[Record],
     *,
     start: LoopModel | None = None,
     horizons: Sequence[int] = HORIZONS,
     settling: float = 0.0,
     name: str = "",
+    naive: ConstantVelocityFilter | None = None,
+    baselines: Baselines | None = None,
 ) -> Validation:
-    """Validate a model on a record."""
-    farthest = max(horizons)
-    first = max(1, round(settling / record.sampling_time))
-    record, _ = spike_free(record)
-    if len(record) < first + farthest + 4 * LAGS:
+    """Validate a model on a record or the parts of one; `naive` is tuned to it by default."""
+    several = [
+        spike_free(one)[0] for one in ([records] if isinstance(records, Record) else records)
+    ]
+    T = several[0].sampling_time
+    first = max(1, round(settling / T))
+    least, n = first + max(horizons) + 4 * LAGS, max(map(len, several))
+    if n < least:
         raise RecordError(
-            f"{name or 'the record'} has {len(record)} samples; {first + farthest + 4 * LAGS} are "
-            "needed to validate a model"
+            f"{name or 'the record'} has {n} samples; {least} are needed to validate a model"
         )
-    e, S, used = model.innovations(record)
-    used[:first] = False
+    naive = naive or tune([one["y"] for one in several], T)
+    misses: dict[str, dict[int, list[Array]]] = {}
+    residuals, masks, levels, gains = [], [], [], []
+    for record in several:
+        y = record["y"]
+        e, S, used = model.innovations(record)
+        used[:first] = False
+        guesses = {} if baselines is None else baselines.predictions(model, record)
+        guesses |= _guesses({"error": model, "of_start": start}, naive, record, horizons)
+        if start is not None:
+            e_start, S_start, used_start = start.innovations(record)
+            gains.append(_per_sample(e, S, used) - _per_sample(e_start, S_start, used & used_start))
+        for kind, by in guesses.items():
+            for k, guess in by.items():
+                misses.setdefault(kind, {}).setdefault(k, []).append((y[k:] - guess)[first:])
+        residuals.append(np.where(used, e / np.sqrt(S), 0.0)[first:])
+        masks.append(used[first:])
+        levels.append(_noise(model, y)[used])
+    used, u = np.concatenate(masks), np.concatenate([one["u"][first:] for one in several])
     if not used.any():
         raise RecordError(f"{name or 'the record'}: no measurement could be used")
-    y = record["y"]
-
-    def errors(predicted: Callable[[int], Array]) -> dict[int, float]:
-        return {k: prediction_error(predicted(k), record, k, first) for k in horizons}
-
-    def fits(errors: Mapping[int, float]) -> dict[int, float]:
-        own = {k: float(np.nanstd(y[first + k :])) for k in errors}
-        return {k: 100 * (1 - errors[k] / own[k]) if own[k] > 0 else math.nan for k in errors}
-
-    error = errors(lambda k: model.predict(record, k))
-    gain, of_start = math.nan, dict[int, float]()
-    if start is not None:
-        of_start = fits(errors(lambda k: start.predict(record, k)))
-        e_start, S_start, used_start = start.innovations(record)
-        gain = _per_sample(e, S, used) - _per_sample(e_start, S_start, used & used_start)
-    naive = tune(y, record.sampling_time)
-    r = e[used] / np.sqrt(S[used])
+    residual = np.concatenate(residuals)
     return Validation(
-        name=name,
-        samples=int(used.sum()),
-        fit=fits(error),
-        held=fits(errors(lambda k: y[:-k])),
-        error=error,
-        of_start=of_start,
-        residual=whiteness(r),
-        cross=cross_correlation(np.where(used, e / np.sqrt(S), 0.0)[first:], record["u"][first:]),
-        nis=float(np.mean(r**2)),
-        gain=gain,
-        without_a_magnet=errors(lambda k: naive.predict(y, k)),
-        left=predictable((e / np.sqrt(S))[used], record["u"][used]),
-    )
+        name,
+        int(used.sum()),
+        {kind: {k: rms(np.concatenate(e)) for k, e in by.items()} for kind, by in misses.items()},
+        {k: float(np.nanstd(np.concatenate([one["y"][first + k :] for one in several])))
+         for k in horizons},
+        residual=whiteness(residual[used]),
+        cross=cross_correlation(residual, u),
+        nis=float(np.mean(residual[used] ** 2)),
+        left=predictable(residual[used], u[used]),
+        floor=rms(np.concatenate(levels)),
+        gain=gains[0] if gains else math.nan,
+        chosen={} if baselines is None else {
+            kind: {k: str(choice) for k, choice in by.items()}
+            for kind, by in baselines.chosen.items()
+        },
+    )  # fmt: skip
+
+
+def _guesses(
+    models: Mapping[str, LoopModel | None], naive: ConstantVelocityFilter, record: Record,
+    horizons: Sequence[int],
+) -> dict[str, dict[int, Array]]:  # fmt: skip
+    """Return the predictions of positions by predictor and horizon [m]."""
+    y = record["y"]
+    return {
+        kind: {k: model.predict(record, k) for k in horizons}
+        for kind, model in models.items() if model is not None
+    } | {
+        "held": {k: y[:-k] for k in horizons},
+        "without_a_magnet": {k: naive.predict(y, k) for k in horizons},
+    }  # fmt: skip
 
 
 def cross_correlation(residual: Array, u: Array) -> Whiteness:
@@ -230,6 +270,13 @@ def _prewhitened(u: Array) -> Array:
     past = np.lib.stride_tricks.sliding_window_view(known - known.mean(), ORDER + 1)
     solution, *_ = np.linalg.lstsq(past[:, :-1], past[:, -1], rcond=1e-12)
     return np.asarray(past[:, -1] - past[:, :-1] @ solution)
+
+
+def _noise(model: LoopModel, y: Array) -> Array:
+    """Return the standard deviation of the measurement noise at positions (n,) [m]."""
+    sensor = model.isolated.sensor
+    share = 1 + sensor.position_noise * (y - model.position_offset)
+    return np.asarray(math.sqrt(sensor.noise_variance) * np.clip(share, 1 / 8, 8))
 
 
 def _per_sample(e: Array, S: Array, used: Bools) -> float:
