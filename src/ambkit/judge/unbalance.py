@@ -27,7 +27,7 @@ def unbalance_notes(
     first = round(SETTLING * max(map(own_time, isolated_axes(machine))) / machine.sampling_time)
     if not (machine.unbalance and record.has_truth and first < len(record)):
         return
-    if estimate is None or not filter.by_model or estimate.of_role("unbalance"):
+    if estimate is None or not filter.by_model or estimate.states_with_role("unbalance"):
         return
     share = nees(estimate, record, first, View(machine))
     x = errors_along(estimate, record, View(machine))["x"][:, first:]
