@@ -49,8 +49,7 @@ def test_with_the_papers_noise_k_is_found_within_two_percent(start, feedback):
 def test_the_force_is_that_of_the_magnet():
     """Low-passed at 38 Hz: settled it is the weight, in motion it follows."""
     record = ambkit.simulate(BEARING, STEP).record
-    result = Adaline(BEARING).run(record)
-    assert result.force[-1] == pytest.approx(0.518 * 9.81, rel=1e-3)
+    assert Adaline(BEARING).run(record).force[-1] == pytest.approx(0.518 * 9.81, rel=1e-3)
     moving = ambkit.simulate(
         BEARING, STEP.replace(duration=1.0, reference=ambkit.Sine(amplitude=3e-4, frequency=3.0))
     ).record
@@ -70,8 +69,7 @@ def test_one_sided_magnets_too():
     )  # fmt: skip
     record = ambkit.simulate(b, scenario).record
     assert record.meta["stop_touched"] == 0
-    result = Adaline(b, start=1.5 * k).run(record)
-    assert result.magnet_constant == pytest.approx(k, rel=0.02)
+    assert Adaline(b, start=1.5 * k).run(record).magnet_constant == pytest.approx(k, rel=0.02)
 
 
 # ---- holding still ----
@@ -95,8 +93,7 @@ def test_excitation_says_how_much_there_is_to_learn_from():
         scenario = STEP.replace(
             reference=ambkit.Sine(amplitude=amplitude, frequency=10.0), noise=True
         )
-        result = learned(scenario, known=horizontal, bearing=horizontal)
-        levels.append(result.excitation[-1])
+        levels.append(learned(scenario, known=horizontal, bearing=horizontal).excitation[-1])
     weight_alone = learned(Scenario(duration=0.5, noise=False)).excitation[-1]
     # Relative to iu = i0, x = 0, where phi is (2 i0 / s0)^2; the weight asks for m g / k.
     assert weight_alone == pytest.approx(0.518 * 9.81 / K / (2 * 1.5 / 2e-3) ** 2, rel=1e-3)

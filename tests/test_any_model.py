@@ -247,8 +247,7 @@ def test_a_model_is_built_in_where_its_pattern_is_whatever_its_numbers():
     for name in presets.names():
         for axis in (machine := ambkit.preset(name)).axes:
             for change in changes:
-                one = machine.isolated_axis(axis.name).replace(**change)
-                engine = Engine(one, "float64")
+                engine = Engine(machine.isolated_axis(axis.name).replace(**change), "float64")
                 own, pattern = paper_pattern(), engine.model.pattern
                 alike = [np.array_equal(own[key], item) for key, item in pattern.items()]
                 assert engine.built_in == all(alike), (name, axis.name, change)

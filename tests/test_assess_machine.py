@@ -188,8 +188,7 @@ def test_a_load_moves_the_operating_point():
 def test_assessment_of_a_machine_says_it_all():
     found = assessed()
     assert list(found.loops) == [MEASUREMENT, "linear"]
-    data = found.to_dict()
-    loop = data["loops"]["linear"]
+    loop = found.to_dict()["loops"]["linear"]
     assert loop["zone"] == "A"
     assert loop["bode_holds"]
     assert loop["worst_axis"] == found.loops["linear"].worst.name == "A1"

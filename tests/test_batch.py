@@ -230,8 +230,7 @@ def test_arrays_are_written_again():
     kept = first.mean
     expected = kept.copy()
     kept[:] = 0
-    again = run_many(one, y, u, out=first)
-    assert again.mean is kept
+    assert run_many(one, y, u, out=first).mean is kept
     np.testing.assert_array_equal(kept, expected)
     assert run_many(one, y[:, :5], u[:, :5], out=first).mean is not kept
 

@@ -480,5 +480,4 @@ def test_a_bearing_without_parts_is_written_without_them(zittau):
 )  # fmt: skip
 def test_what_is_wrong_with_a_part_is_told_with_its_line(changes, key, text):
     toml = with_parts(*changes)
-    told = problems(toml)
-    assert told == [f"mine.toml:{line_of(toml, key)}: {text}"]
+    assert problems(toml) == [f"mine.toml:{line_of(toml, key)}: {text}"]

@@ -236,8 +236,7 @@ def test_a_coil_and_its_constant_stay_one_in_a_machine():
     first = machine.bearings[0].model_copy(update={"magnet": coil})
     machine = machine.model_copy(update={"bearings": (first, *machine.bearings[1:])})
     wide = changed(machine, {"bearing.A.magnet.pole_area": 1.2 * coil.pole_area})
-    found = wide.bearings[0].magnet.magnet_constant
-    assert found == pytest.approx(1.2 * coil.magnet_constant)
+    assert wide.bearings[0].magnet.magnet_constant == pytest.approx(1.2 * coil.magnet_constant)
 
 
 def test_a_gain_of_a_flight_varies():

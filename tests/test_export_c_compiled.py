@@ -40,8 +40,7 @@ pytestmark = pytest.mark.long
     ("kind", "precision"), [*CASES, ("linear", "double"), ("tabulated", "double")]
 )
 def test_it_compiles_without_a_warning_and_passes(exported, tmp_path, kind, precision, compiler):
-    made = exported(kind, precision)
-    done = program(compiler, made.folder, tmp_path / "selftest")
+    done = program(compiler, exported(kind, precision).folder, tmp_path / "selftest")
     assert (done.returncode, done.stderr) == (0, "")
     said = subprocess.run([tmp_path / "selftest"], capture_output=True, text=True)
     assert re.fullmatch(

@@ -126,8 +126,7 @@ def test_faults_are_noticed(tmp_path):
         for old, new in faults:
             assert old in right, old
             (folder / file).write_text(right.replace(old, new, 1))
-            told = run(folder, "-Wno-error")
-            assert "FAIL: f with its controllers" in told, (file, old)
+            assert "FAIL: f with its controllers" in run(folder, "-Wno-error"), (file, old)
         (folder / file).write_text(right)
     constants = folder / "f_data.c"
     constants.write_text(constants.read_text().replace(".kp = ", ".kp = 1.1F * ", 1))
@@ -180,8 +179,7 @@ def test_currents_stay_within_limits_whatever_is_given(name, tmp_path):
     objects = [path.name for path in folder.glob("*.o")]
     link = ["g++", "-std=c++17", *INCLUDES, str(main), *objects, "-o", "user.out"]
     subprocess.run(link, cwd=folder, check=True, timeout=120)
-    told = subprocess.run([folder / "user.out"], capture_output=True, text=True)
-    assert told.stdout == "0\n"
+    assert subprocess.run([folder / "user.out"], capture_output=True, text=True).stdout == "0\n"
 
 
 DRIVEN = """#include "f_control.h"

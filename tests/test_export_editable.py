@@ -111,8 +111,7 @@ def test_the_first_sample_is_right_wherever_the_rotor_lies(tmp_path, beyond, sid
 
 
 def test_deviations_are_those_of_python(tmp_path):
-    made = export("extended", tmp_path / "c", prefix="f")
-    flies = compiled(made, tmp_path)
+    flies = compiled(export("extended", tmp_path / "c", prefix="f"), tmp_path)
     record = ambkit.simulate(BEARING, ambkit.Scenario(duration=0.02, seed=1)).record
     along(flies, record)
     kf = ambkit.ExtendedKalmanFilter(BEARING, precision="float32")

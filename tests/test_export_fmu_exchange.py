@@ -63,8 +63,7 @@ def integrated(path, t, **series):
         str(path), fmi_type="ModelExchange", solver="CVode", stop_time=len(t) * T,
         output_interval=T, input=held(t, **given), relative_tolerance=1e-10,
     )  # fmt: skip
-    before = np.append(np.diff(found["time"]) > 1e-9 * T, True)
-    return found[before]
+    return found[np.append(np.diff(found["time"]) > 1e-9 * T, True)]
 
 
 @pytest.mark.parametrize("name", quick(

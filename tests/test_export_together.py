@@ -92,8 +92,7 @@ def test_float_double_another_model_and_another_version_in_one_firmware(tmp_path
     linked = ["gcc", str(main), *(str(o) for part in parts for o in part), "-o", "all"]
     done = subprocess.run(linked, cwd=tmp_path, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
-    said = subprocess.run([tmp_path / "all"], capture_output=True, text=True)
-    assert said.stdout == "00000"
+    assert subprocess.run([tmp_path / "all"], capture_output=True, text=True).stdout == "00000"
 
 
 def test_what_is_equal_is_shared(tmp_path, request):
@@ -137,8 +136,7 @@ def test_a_main_in_c_plus_plus_links(tmp_path, kind):
 
 def test_includes_stand_outside_of_extern_c():
     for header in sorted((core_sources.folder() / "include" / "ambkit").glob("*.h")):
-        text = header.read_text()
-        block = re.search(r'extern "C" \{(.*)', text, re.DOTALL)
+        block = re.search(r'extern "C" \{(.*)', header.read_text(), re.DOTALL)
         if block is not None:
             assert "#include" not in block[1], header.name
     assert {"-Wall"} <= set(STRICT)

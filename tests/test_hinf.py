@@ -37,8 +37,7 @@ def test_no_other_controller_weighs_less():
         S = 1 / (1 - G * K)
         return np.hypot(W * np.abs(S), at_p / STRONG * np.abs(K * S))
 
-    found = hinf(P)
-    best = cost(found.response(f)[:, 0, 0])
+    best = cost(hinf(P).response(f)[:, 0, 0])
     assert best.max() < 1.02 * best.min() + 0.02
     for loop in ambkit.assess(LATE, "none", beside=["lqg"]).loops.values():
         K = loop.loop.compensator.response(f)[:, 0, 0]

@@ -249,8 +249,7 @@ def test_a_mat_file_is_read_as_well(tmp_path):
     savemat(tmp_path / "a.mat", given | {"direction": cells})
     savemat(tmp_path / "b.mat", given)  # rows of characters
     for name in ("a.mat", "b.mat"):
-        found = read_matrices(tmp_path / name)
-        np.testing.assert_array_equal(found.K, read_matrices(ROSS).K)
+        np.testing.assert_array_equal(read_matrices(tmp_path / name).K, read_matrices(ROSS).K)
 
 
 class Bad:
@@ -347,8 +346,7 @@ def test_a_rotor_from_a_file_is_that_of_its_table(tmp_path):
     np.testing.assert_allclose(one.bending.frequency, other.bending.frequency, rtol=3e-4)
     np.testing.assert_allclose(one.bending.mass, other.bending.mass, rtol=2e-3)
     assert one.rotor.mass == pytest.approx(other.rotor.mass, rel=1e-9)
-    again = Machine.from_toml(one.to_toml(tmp_path), folder=tmp_path)
-    assert again == one
+    assert Machine.from_toml(one.to_toml(tmp_path), folder=tmp_path) == one
 
 
 def measured(**changes):

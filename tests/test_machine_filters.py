@@ -37,8 +37,7 @@ def test_filters_are_as_good_as_can_be(name, speed):
     assert efficiency.min() > 0.85  # of one quantity over 2 s, which is no more than its spread
     assert 0.9 < judged.nees["extended"].mean() < 1.1
     raw = np.sqrt((judged.errors["raw sensor"] ** 2).mean(axis=0))
-    own = np.sqrt((judged.errors["extended"] ** 2).mean(axis=0))
-    assert (own[:4] < 0.7 * raw[:4]).all()
+    assert (np.sqrt((judged.errors["extended"] ** 2).mean(axis=0))[:4] < 0.7 * raw[:4]).all()
 
 
 def test_over_a_run_up_unbalance_and_runout_are_as_good_as_with_finer_steps():

@@ -272,8 +272,7 @@ def test_a_foundation_that_falls_leaves_a_rotor_without_weight():
 
 def test_a_whole_rotor_drops_and_lies_still():
     """Where the power fails at 20 ms: free fall, the touch-down bearings, then nothing moves."""
-    one = machine(speed=0.0)
-    run = simulate_run(one, Scenario(duration=0.4, noise=False, off=0.02))
+    run = simulate_run(machine(speed=0.0), Scenario(duration=0.4, noise=False, off=0.02))
     record = run.record
     falling = slice(201, 251)
     t = record.t[falling] - 0.02

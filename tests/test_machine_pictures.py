@@ -97,8 +97,7 @@ def test_each_is_drawn(call, tmp_path):
     assert call("simulate", *words).code == 0
     assert call("rotor", "waterfall", "run.csv", "--plot", picture).code == 0
     assert picture.exists()
-    drawn = ambkit.campbell(Machine.preset("tum_mlps"), count=11).plot(static=True)
-    assert np.size(drawn) == 2
+    assert np.size(ambkit.campbell(Machine.preset("tum_mlps"), count=11).plot(static=True)) == 2
 
 
 def test_a_notebook_shows_a_run_and_what_has_a_figure():

@@ -269,7 +269,6 @@ def test_an_estimator_in_the_loop_follows_a_run_up():
 
 @compiled
 def test_they_are_exported(tmp_path):
-    one = machine()
-    export_c(one, None, tmp_path / "c", kind="linear", prefix="f", synchronous=BOTH)
+    export_c(machine(), None, tmp_path / "c", kind="linear", prefix="f", synchronous=BOTH)
     assert "equal to the last bit" in printed_by(tmp_path / "c")
     assert "amb_real U1_x;" in (tmp_path / "c" / "f.h").read_text()

@@ -305,8 +305,7 @@ def test_map_within_tolerances_is_that_of_the_other_drawing():
 @pytest.mark.long
 def test_half_of_a_radial_map_is_the_other_half():
     """What symmetry fills in is what the field solution gives."""
-    made = drawing(RADIAL)
-    layout = made.layout
+    layout = drawing(RADIAL).layout
     solver = FieldSolver(layout, 0.6)
     near, far = (
         solver.at(sign * 1e-4).solve(3 * layout.bias + sign * 2 * layout.control[0]).force[0]

@@ -134,8 +134,7 @@ def test_modes_are_chosen_for_the_speed(chosen):
     assert shares[1] < SHARP * rotor.modes_within < shares[0]  # so that none is kept for nothing
     slow = overhung().replace(speed=0.0)
     assert slow.positions == chosen.positions  # what was chosen stays
-    again = Machine.from_toml(chosen.to_toml())
-    assert rotor_of(again).modes_up_to == rotor.modes_up_to
+    assert rotor_of(Machine.from_toml(chosen.to_toml())).modes_up_to == rotor.modes_up_to
     assert chosen.model_copy(update={"speed": 0.0}).positions == chosen.positions
 
 

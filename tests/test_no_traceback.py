@@ -339,8 +339,7 @@ def test_closed_streams_are_silent(tmp_path, command, closed, code):
     assert said[0] == code
     assert "Traceback" not in said[2]
     if "--out" in command:
-        written = ambkit.Machine.load(tmp_path / "bearing.toml")
-        assert written == ambkit.preset("zittau_axial")
+        assert ambkit.Machine.load(tmp_path / "bearing.toml") == ambkit.preset("zittau_axial")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")

@@ -14,8 +14,7 @@ BEARING = Machine.preset("zittau_axial").replace(sensor__position_noise=RISE)
 
 
 def test_it_goes_with_a_bearing_through_its_file():
-    again = Machine.from_toml(BEARING.to_toml())
-    assert again.sensor.position_noise == RISE
+    assert Machine.from_toml(BEARING.to_toml()).sensor.position_noise == RISE
     assert "position_noise" not in Machine.preset("zittau_axial").to_toml()
 
 

@@ -352,8 +352,7 @@ def test_a_reading_is_not_a_record_and_the_message_helps():
 def test_estimates_of_a_gap_and_without_covariance_are_drawn():
     lost = np.where((RECORD.t > 0.02) & (RECORD.t < 0.05), np.nan, RECORD["y"])
     record = Record(RECORD.t, {"y": lost, "u": RECORD["u"]})
-    told = KalmanFilter(BEARING).run(record)
-    assert "MISSING 299" in read(told._repr_html_())
+    assert "MISSING 299" in read(KalmanFilter(BEARING).run(record)._repr_html_())
     assert "missing" in {trace.name for trace in record.plot().data} | {
         shape.name for shape in record.plot().layout.shapes
     }

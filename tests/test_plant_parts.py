@@ -393,8 +393,7 @@ def restitution(v_in, damping):
     def lost(v):
         return a * v - np.log1p(a * v)
 
-    out = brentq(lambda v: lost(-v) - lost(v_in), 1e-9 * v_in, v_in)
-    return float(out / v_in)
+    return float(brentq(lambda v: lost(-v) - lost(v_in), 1e-9 * v_in, v_in) / v_in)
 
 
 @pytest.mark.parametrize("v_in", [0.02, 0.1, 0.4])

@@ -41,8 +41,7 @@ def test_the_table_is_what_is_recorded():
 
 @pytest.mark.parametrize("kind", ["linear", "multiple-model"])
 def test_the_readme_says_what_was_recorded_and_no_more(exported, kind):
-    made = exported(kind)
-    text = (made.folder / "proof" / "README.md").read_text(encoding="utf-8")
+    text = (exported(kind).folder / "proof" / "README.md").read_text(encoding="utf-8")
     recorded = STORED["filters"][OF[kind] + ", float"]
     assert STORED["tool"] in text
     assert f"| finite inputs | {recorded['finite']} | |" in text
@@ -149,8 +148,7 @@ def test_what_is_recorded_comes_out(kind, precision, law, tmp_path):
 @needs_frama_c
 def test_the_proof_fails_where_the_supervisor_looks_away(exported, tmp_path):
     folder = tmp_path / "out"
-    made = exported("linear")
-    shutil.copytree(made.folder, folder)
+    shutil.copytree(exported("linear").folder, folder)
     path = folder / "core" / "src" / "envelope.c"
     text = path.read_text(encoding="utf-8")
     checked = "if (!AMB_WITHIN(cov[i], kf->most[i])) {"

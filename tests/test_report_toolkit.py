@@ -676,8 +676,7 @@ def test_page_numbers_links_and_escapes(page):
 
 def test_report_writes_all_files_and_the_same_ones_again(written, tmp_path):
     said = []
-    again = write_report(report(), tmp_path, said.append)
-    assert again.read_bytes() == written.read_bytes()
+    assert write_report(report(), tmp_path, said.append).read_bytes() == written.read_bytes()
     names = {path.name for path in (tmp_path / "figures").iterdir()}
     assert names == {f"{build().id}.{kind}" for build in ALL for kind in ("png", "svg")}
     assert said[0] == "figure 1 of 6: Step response, 0.5 mm"

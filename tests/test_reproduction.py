@@ -197,8 +197,7 @@ def test_the_stated_findings_are_what_is_computed(outcome):
             ["recording.naive_one", "recording.one"],
         ),
     ]:
-        said = sentence.format(*(printed(found[id], digits) for id in ids))
-        assert said in text
+        assert sentence.format(*(printed(found[id], digits) for id in ids)) in text
     short = " ".join(README.read_text(encoding="utf-8").partition("## What we found")[2].split())
     for sentence, digits, ids in [
         ("sensor it has {} µm, worse", ".2f", ["sampling.printed"]),

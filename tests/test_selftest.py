@@ -197,8 +197,7 @@ def test_what_is_explained_stands_in_the_sources(exported):
 def test_the_bench_can_fail(bench):
     """What changes nothing passes, and is known for the same program."""
     file = f"{bench.name}.c"
-    text = bench.text(file)
-    at = text.index("AMB_HELD")
+    at = bench.text(file).index("AMB_HELD")
     nothing = mutants.Mutant(file, 1, "AMB_HELD", "(AMB_HELD)", at, "")
     assert bench.judge(nothing) == (True, True, True, True)
     assert bench.is_the_same(nothing)

@@ -1,7 +1,5 @@
 """Sweeps of the simulated loop: sensitivity with the magnet's nonlinearity, over the amplitude."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -190,8 +188,7 @@ def _linear(arguments: LoopArguments, orbit: Any) -> tuple[LoopBuilder, str, Ass
         if orbit is not False:
             raise AmbkitError("orbit needs a linear loop, and a controller in Python has none")
         return LoopBuilder(machine, controller, x, load), next(iter(filters), MEASUREMENT), None
-    result = assess(arguments, orbit=orbit)
-    name, loop = list(result.loops.items())[-1]
+    name, loop = list(assess(arguments, orbit=orbit).loops.items())[-1]
     if loop.worst is None:
         raise AmbkitError(f"{machine.name}, controller fed by {name}: the loop is not stable")
     return loop.of, name, loop

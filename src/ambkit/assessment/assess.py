@@ -1,7 +1,5 @@
 """Assessment of a loop: sensitivity, margins and noise, with and without a filter."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -64,9 +62,7 @@ def on_orbit(
             scale *= amplitude / far
     else:
         raise AmbkitError(f"{machine.name}: its orbit diverges, pulled outwards by the magnets")
-    if not single and amplitude is not None:
-        return there.with_unbalance(scale)
-    return there
+    return there.with_unbalance(scale) if not single and amplitude is not None else there
 
 
 def _flowing(of: LoopBuilder, demanded: Complex) -> Any:

@@ -1,7 +1,5 @@
 """Assessment of a loop from a record with an injected signal, compared with the model."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Assessed loops of a machine: figures and plots."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -39,8 +37,7 @@ NEEDED = (
 )
 """Inputs of the coil temperatures."""
 
-LQG, HINF = "LQG", "H-infinity"
-"""Names of the loops with optimal controllers."""
+LQG, HINF = "LQG", "H-infinity"  #: Names of the loops with optimal controllers.
 
 CRITICAL, GRADES, PIECES = ("critical_speeds",), ("balance_grades",), ("pieces",)
 """Sections of an assessment, besides its loops."""

@@ -1,7 +1,5 @@
 """Figure of an assessment: sensitivity with its zones, Nyquist plot, compliance, noise."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Design of an experiment that measures a loop's sensitivity: signal and amplitude."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -145,8 +143,7 @@ def injection_figure(
 
 REST = 0.05  #: Share of the experiment before the signal begins.
 
-LINEAR = 0.05
-"""Default limit of the displacement over the air gap, because magnets are nonlinear."""
+LINEAR = 0.05  #: Default limit of the displacement over the air gap, because magnets are nonlinear.
 
 TRIES, SEEDS = 12, 3
 """Simulations that adjust the amplitude to the limits, and noise seeds that must keep them."""

@@ -1,7 +1,5 @@
 """One loop: margins, noise, load capacity and the demands on the machine."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import partial

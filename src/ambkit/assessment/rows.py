@@ -1,7 +1,5 @@
 """The figures of merit of a loop, each defined once: a new one is one line here."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

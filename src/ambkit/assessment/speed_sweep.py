@@ -1,7 +1,5 @@
 """A machine's loop over the speed of rotation: margins, modes, and run-up with unbalance."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

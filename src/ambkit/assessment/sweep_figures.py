@@ -1,7 +1,5 @@
 """Figures of the loop over frequency and speed: sensitivity, modes, and demands of a run-up."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Types of arrays, and conversion of callers' arrays."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

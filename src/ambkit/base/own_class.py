@@ -1,7 +1,5 @@
 """A class in a user's Python file, named as ``file.py:Class``, and its step."""
 
-from __future__ import annotations
-
 import importlib.util
 import inspect
 import sys

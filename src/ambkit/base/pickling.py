@@ -1,7 +1,5 @@
 """Copying and pickling of objects with a state in the C core."""
 
-from __future__ import annotations
-
 from functools import cache
 from importlib.metadata import version
 from typing import Any, Self

@@ -1,7 +1,5 @@
 """Progress: a bar on a terminal or in a notebook; lines if a command writes to a pipe."""
 
-from __future__ import annotations
-
 import sys
 import threading
 import time

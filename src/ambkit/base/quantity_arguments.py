@@ -1,7 +1,5 @@
 """Arguments of functions: quantities in SI or with units, and objects of a type."""
 
-from __future__ import annotations
-
 import numbers
 import os
 import re

@@ -1,7 +1,5 @@
 """A root between two numbers, without SciPy: its `optimize` loads longer than most runs take."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from contextlib import suppress

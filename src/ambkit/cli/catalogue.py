@@ -1,7 +1,5 @@
 """The commands: their verbs, outputs and names in the shell."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Commands made from verbs: options from their signatures, help from their docstrings."""
 
-from __future__ import annotations
-
 import argparse
 import difflib
 import inspect
@@ -19,11 +17,9 @@ from ambkit.base.errors import AmbkitError
 from ambkit.cli import catalogue
 from ambkit.cli.catalogue import Misused
 
-PLAIN = ("Document", "Statement", "Workbench")
-"""Types of results without figures and details."""
+PLAIN = ("Document", "Statement", "Workbench")  #: Types of results without figures and details.
 
-OPERANDS = ("records", "name")
-"""Optional parameters that are positional."""
+OPERANDS = ("records", "name")  #: Optional parameters that are positional.
 
 REPEATED = " Repeatable."
 

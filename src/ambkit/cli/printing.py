@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 
 File = tuple[Path, Callable[[Path], object]]
 
-written: list[Path] = []
-"""Files written so far, for the message of an interrupt."""
+written: list[Path] = []  #: Files written so far, for the message of an interrupt.
 
 
 def deliver(

@@ -1,7 +1,5 @@
 """The controllers of a machine as a file states them, and lift-off, landing and trips."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from enum import IntEnum
 from typing import Annotated, Any, Literal, Self
@@ -123,8 +121,7 @@ class Control(PID):
         if read("sees"):
             yield "sees", "is of one axis: give it in pid.NAME"
         if read("unbalance_from") is not None and read("unbalance") == "off":
-            text = 'needs unbalance = "force-free" or "compensation"'
-            yield "unbalance_from", text
+            yield "unbalance_from", 'needs unbalance = "force-free" or "compensation"'
         if read("gain_scheduling") and read("type") != "lqg":
             yield "gain_scheduling", 'is of the gains of type = "lqg"'
         for key, what in (("block", "behind"), ("schedule", "of")):

@@ -1,7 +1,5 @@
 """Candidates for the controllers of a machine that turns, and their margins over its speeds."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator

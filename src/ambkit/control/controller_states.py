@@ -20,8 +20,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, own_time
 from ambkit.models.plant import Plant
 
-FLAT = 0.05
-"""Share of the clearance within which the stiffnesses of the centre hold."""
+FLAT = 0.05  #: Share of the clearance within which the stiffnesses of the centre hold.
 
 
 @dataclass(frozen=True, eq=False)

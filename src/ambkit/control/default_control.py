@@ -1,7 +1,5 @@
 """Default controllers of a rotating machine, selected by the margins over its speed range."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Sequence

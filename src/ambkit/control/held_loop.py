@@ -1,7 +1,5 @@
 """A machine held by a PID for each axis: sensitivity peaks, poles and their damping."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

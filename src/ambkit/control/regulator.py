@@ -1,7 +1,5 @@
 """Linear-quadratic regulator of a machine, by an estimator's states."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

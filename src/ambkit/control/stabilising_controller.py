@@ -1,7 +1,5 @@
 """Default gains of PIDs that hold a machine, one for each axis, and how well they do."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator

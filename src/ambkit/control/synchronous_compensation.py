@@ -28,8 +28,7 @@ from ambkit.models.parts.synchronous import unbalance_planes
 from ambkit.models.plant import Plant
 
 NODES, RIGID = 129, 33  #: Number of speeds in the table, for a flexible and a rigid rotor.
-LEAST, MOST = 1.5, 3.0
-"""Ratio of the orbits up to which it acts fully, and from which it is off."""
+LEAST, MOST = 1.5, 3.0  #: Ratio of the orbits up to which it acts fully, and from which it is off.
 NEIGHBOURHOOD = 0.02  #: Relative error of a critical speed of the model.
 FULL, NONE = 0.3, 0.5
 """Limits as shares of the clearance and of the current limit: if the estimated unbalance takes more

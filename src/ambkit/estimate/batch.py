@@ -1,7 +1,5 @@
 """Many estimators along many records at once, with SIMD lanes and threads, for Monte Carlo."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -151,9 +149,7 @@ def run_many(
 
 def processors() -> int:
     """Return the number of processors available to this process."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _rows(name: str, a: ArrayLike, dimensions: int, precision: Precision) -> Array:

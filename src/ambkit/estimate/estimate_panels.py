@@ -1,7 +1,5 @@
 """Panels of estimates over time: axes without initial transients, innovations with bounds."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -19,8 +17,7 @@ from ambkit.result.report import Axis, Band, Item, Line, Note, Panel, Points
 STRETCHES, STRETCH = 200, 20
 """Maximum number of bins for innovations, and minimum of samples in each."""
 
-BEYOND = 1.5
-"""Ratio of the largest innovation to most others beyond which the axis is limited."""
+BEYOND = 1.5  #: Ratio of the largest innovation to most others beyond which the axis is limited.
 
 
 def true_noise(record: Record) -> list[Item]:

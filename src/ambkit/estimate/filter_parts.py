@@ -1,7 +1,5 @@
 """Tables of a filter file: machine, other files, noise."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from functools import cached_property

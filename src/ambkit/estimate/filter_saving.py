@@ -1,7 +1,5 @@
 """Saving of a filter, with the files it needs."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence

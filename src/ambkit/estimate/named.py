@@ -1,7 +1,5 @@
 """Estimators by name, with their default magnet models."""
 
-from __future__ import annotations
-
 import logging
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -45,11 +43,9 @@ def experts(path: Path, machine: Machine) -> MagnetModel:
     return force_laws([magnet] * len(axes), machine)
 
 
-AT = "@"
-"""Separator of a kind and the file of its magnet model, as in ``adaptive@expert.json``."""
+AT = "@"  #: Separator of a kind and the file of its magnet model, as in ``adaptive@expert.json``.
 
-PLUS = "+"
-"""Separator of a kind and its synchronous states, as in ``linear+unbalance``."""
+PLUS = "+"  #: Separator of a kind and its synchronous states, as in ``linear+unbalance``.
 
 USUAL = ("linear", "adaptive", "closed-law")
 """Default comparison: constant, learned and exact stiffness."""

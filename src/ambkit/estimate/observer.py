@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 FAST_SENSOR = 0.05
 """Transition of a sensor over a sample below which it counts as one without lag."""
 
-QUICK_SENSOR = 0.5
-"""Transition below which its pole is not slowed down for very coarse steps."""
+QUICK_SENSOR = 0.5  #: Transition below which its pole is not slowed down for very coarse steps.
 
 WANDER = 0.01
 """Assumed relative bandwidth of a line with zero width: a constant gain could not track it

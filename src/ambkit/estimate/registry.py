@@ -5,8 +5,6 @@ exports and comparisons use. Classes are listed by name, so that the help of a c
 import numpy.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Mapping

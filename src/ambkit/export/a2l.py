@@ -1,7 +1,5 @@
 """A2L file (ASAM MCD-2 MC, ASAP2 1.6) for the calibration of an exported controller."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

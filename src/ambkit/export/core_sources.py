@@ -1,7 +1,5 @@
 """C sources of the library, and the files that an export needs."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Iterable, Mapping

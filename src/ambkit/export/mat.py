@@ -1,7 +1,5 @@
 """``ambkit export mat``: model, noise, stiffness tables and expert for MATLAB."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The axes of a machine: each isolated, with what is known of its magnet."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass

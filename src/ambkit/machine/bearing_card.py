@@ -1,7 +1,5 @@
 """Figure and description of a machine with one axis: force over current and displacement."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

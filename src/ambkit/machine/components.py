@@ -115,8 +115,7 @@ AnyRotor = Annotated[
 ]
 """A rotor of any type."""
 
-Body = RigidRotor | ShaftRotor | MatrixRotor | ModalRotor | MassRotor
-"""The rotor of a machine."""
+Body = RigidRotor | ShaftRotor | MatrixRotor | ModalRotor | MassRotor  #: The rotor of a machine.
 
 ROTORS = (RigidRotor, ShaftRotor, MatrixRotor, ModalRotor, MassRotor)
 

@@ -27,8 +27,7 @@ from ambkit.machine.accessories import ColouredNoise, Hum, Runout
 from ambkit.machine.laws import LawKeys
 from ambkit.machine.magnets import MU_0, magnet_of
 
-GRAVITY = 9.81
-"""Acceleration of gravity [m/s^2] in both rigs of the presets."""
+GRAVITY = 9.81  #: Acceleration of gravity [m/s^2] in both rigs of the presets.
 
 
 UNREADABLE = {

@@ -1,7 +1,5 @@
 """Contradictions in a machine: its names, places, speed, unbalance and weight."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from typing import Any

@@ -4,8 +4,6 @@
 the clearance, and ``[sensor]`` is not a list.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Continuous model of a machine, for its plant and its poles."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

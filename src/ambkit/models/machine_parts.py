@@ -1,7 +1,5 @@
 """A machine's parts, composed into its sampled model."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

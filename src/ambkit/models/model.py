@@ -1,7 +1,5 @@
 """A sampled model as data: patterns, numbers and descriptors."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field

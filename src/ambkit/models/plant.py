@@ -1,7 +1,5 @@
 """The plant of a machine, for ``sim/plant.h``."""
 
-from __future__ import annotations
-
 import math
 from types import ModuleType
 from typing import Any

@@ -1,7 +1,5 @@
 """Optional plant parts, for ``sim/parts.h``: beyond magnet, rotor, sensor lag and hard stops."""
 
-from __future__ import annotations
-
 import cmath
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """A small table and a figure, as HTML for a notebook."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A result as a page, for reading and, if it is judged, for signature."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -80,9 +78,7 @@ def short(results: Sequence[Stated]) -> str:
         for row in result.rows
         if row.kept is False
     ]
-    if not missed:
-        return "All limits are kept."
-    return f"Not kept: {', '.join(missed)}."
+    return "All limits are kept." if not missed else f"Not kept: {', '.join(missed)}."
 
 
 def _chapter(part: Part, tables: dict[Key, TableBlock]) -> Chapter:

@@ -1,7 +1,5 @@
 """Common axes of figures, and styles of filters."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from itertools import cycle
 

@@ -1,7 +1,5 @@
 """Figures of merit of a run, against its truth, and counts of status flags."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from ambkit.estimate.estimate import Status
@@ -43,8 +41,7 @@ FIGURES: dict[str, Figure] = {
 }  # fmt: skip
 """All figures by name, in the order of the arrays; NaN if one does not apply to a run."""
 
-FLAGS = tuple(str(flag.name).lower() for flag in Status if flag)
-"""Names of the status flags."""
+FLAGS = tuple(str(flag.name).lower() for flag in Status if flag)  #: Names of the status flags.
 
 
 def first_of(settling: float, T: float, n: int) -> int:

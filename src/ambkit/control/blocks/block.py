@@ -1,7 +1,5 @@
 """Blocks behind a PID, which filter its output before the limits."""
 
-from __future__ import annotations
-
 import math
 from abc import abstractmethod
 from typing import Annotated, Literal

@@ -1,7 +1,5 @@
 """Closed loop of a plant and a compensator, opened at the measurement."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Controllers of a loop as linear systems to u [V], alone and with an estimator fed by this u."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """An estimator in a loop, linear at an operating point, with its steady-state gain."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

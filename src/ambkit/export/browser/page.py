@@ -1,7 +1,5 @@
 """The page with its machines."""
 
-from __future__ import annotations
-
 import html
 import json
 import os

@@ -1,7 +1,5 @@
 """Input of the page's C: a machine with one axis, or a rotor on several bearings."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """Data of the C core written as C: numbers, arrays and structs."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from struct import pack

@@ -1,7 +1,5 @@
 """Calibration at run time: ``core/include/ambkit/calibration.h``."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math
@@ -40,8 +38,7 @@ WIDEST = {
 }  # fmt: skip
 """Maximum range, over the exported values."""
 
-SHARES = np.arange(0.05, 1.001, 0.05)
-"""Candidate logarithms of the range, smallest first."""
+SHARES = np.arange(0.05, 1.001, 0.05)  #: Candidate logarithms of the range, smallest first.
 
 #: Minimum gate in standard deviations: a smaller one rejects healthy measurements.
 GATE = (4.0, 100.0)
@@ -76,8 +73,7 @@ class Limits(NamedTuple):
     peak: float
 
 
-Parts = dict[str, float]
-"""Factors on the exported values by name; others are 1."""
+Parts = dict[str, float]  #: Factors on the exported values by name; others are 1.
 
 
 def limits(controller: Controller, numbers: Sequence[Number]) -> Limits:

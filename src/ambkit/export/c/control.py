@@ -1,7 +1,5 @@
 """Controller of a machine as C: its constants, and its self-test."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

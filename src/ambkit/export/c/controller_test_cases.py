@@ -1,7 +1,5 @@
 """What the self-test of a controller lives through, as the simulation flies it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 

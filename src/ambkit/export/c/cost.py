@@ -4,8 +4,6 @@ Measured (``firmware/``) and stored in ``cost.json``: float, gcc, in qemu, which
 instructions, not cycles. Other machines change the numbers by a few instructions.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from functools import cache

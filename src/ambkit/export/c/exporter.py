@@ -1,7 +1,5 @@
 """Export of a filter, or a controller with its filter, as a folder of C."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

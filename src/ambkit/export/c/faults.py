@@ -1,7 +1,5 @@
 """Fault isolation beside an exported filter: ``core/include/ambkit/isolation.h``."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from typing import Any

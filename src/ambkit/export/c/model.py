@@ -1,7 +1,5 @@
 """Model of an estimator in C: built in, its own straight-line header, or loops over arrays."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any, NamedTuple

@@ -4,8 +4,6 @@
 tests are in ``proof.json`` (``python -m firmware.proof``, ``tests/test_proof.py``).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

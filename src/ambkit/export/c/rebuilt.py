@@ -1,7 +1,5 @@
 """Constants of a filter for other physical parameters: ``core/include/ambkit/rebuild.h``."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Text of each file: the core's own, the data, the thin interface and the self-test."""
 
-from __future__ import annotations
-
 import hashlib
 from importlib.metadata import version
 from pathlib import Path

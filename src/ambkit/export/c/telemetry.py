@@ -1,7 +1,5 @@
 """Telemetry frames: ``core/include/ambkit/telemetry.h``, and their content."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from typing import NamedTuple

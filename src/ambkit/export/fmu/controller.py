@@ -1,7 +1,5 @@
 """Complete controller in an FMU: data and start."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

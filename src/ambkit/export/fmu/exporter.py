@@ -1,7 +1,5 @@
 """Assembly of an FMU: descriptions, sources, binary."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

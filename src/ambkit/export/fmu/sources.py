@@ -1,7 +1,5 @@
 """C sources of an FMU: core, model, FMI layer and data; and their compilation."""
 
-from __future__ import annotations
-
 import os
 import platform
 import re

@@ -1,7 +1,5 @@
 """The variables of each kind of model: one table for the XML, the C and the documentation."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Literal

@@ -14,8 +14,7 @@ from ambkit.estimate.machine_model import several
 
 Fmi = Literal[2, 3]
 
-COMPILER_OPTIONS = "-std=c99 -ffp-contract=off"
-"""Flags for equal bits on every processor."""
+COMPILER_OPTIONS = "-std=c99 -ffp-contract=off"  #: Flags for equal bits on every processor.
 
 _CAUSALITY = {"time": "independent", "fixed": "parameter", "tunable": "parameter"}
 _LOG = {

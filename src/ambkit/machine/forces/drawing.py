@@ -1,7 +1,5 @@
 """Force of a magnet that a machine describes by its drawing."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The force map of a machine as a surface, cached for each file and law."""
 
-from __future__ import annotations
-
 import os
 from functools import lru_cache
 from types import SimpleNamespace

@@ -49,13 +49,11 @@ DOUBT = (3.0, 2.0, 2.0, 30.0)
 in displacement, and the scatter of the points, whose prior is a tenth of the law's error.
 """
 
-BEST = 1e-3
-"""Minimum error of a point, over the law's error: limits the smoothness."""
+BEST = 1e-3  #: Minimum error of a point, over the law's error: limits the smoothness.
 
 MOST = 1000  #: Beyond this number, neighbouring points are averaged first: the effort is cubic.
 
-FITTED = 12
-"""Minimum number of points for fitting magnet constant and air gap of the law."""
+FITTED = 12  #: Minimum number of points for fitting magnet constant and air gap of the law.
 
 JUDGES = 200  #: Points for estimating the law's error and its correlation length.
 
@@ -107,9 +105,7 @@ class ForceSurface(PatchedForce):
 
     def _base(self) -> Law:
         """Return the law that is corrected: the described or the fitted one."""
-        if self.refitted:
-            return fitted_law(self.machine, self.points)[1]
-        return law_of(self.machine)
+        return fitted_law(self.machine, self.points)[1] if self.refitted else law_of(self.machine)
 
     def _off(self, at: Array) -> tuple[Array, Array, Array]:
         """Return places (2, n), and the points' deviations from the law with standard errors."""

@@ -1,7 +1,5 @@
 """Figures of a magnet's solution: field, flux density along the gap, force map."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

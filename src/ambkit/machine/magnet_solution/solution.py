@@ -1,7 +1,5 @@
 """Results of a magnet's drawing: stiffnesses, limits, errors of the force laws."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace

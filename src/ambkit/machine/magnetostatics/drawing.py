@@ -1,7 +1,5 @@
 """A magnet's drawing: geometry, winding and iron, from TOML."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator
 from functools import cached_property

@@ -8,8 +8,6 @@ thickness d the reluctivity increases by ``z coth z``, ``z = (1 + j) d / (2 dept
 depth (Stoll, The Analysis of Eddy Currents, 1974), approximately ``1 / (1 + s / corner)``.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

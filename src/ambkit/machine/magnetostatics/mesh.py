@@ -4,8 +4,6 @@ Ruppert's algorithm (J. Algorithms 18, 1995) in rounds: edges whose diametral ci
 are halved, then circumcentres of triangles too large or too flat become vertices.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 The CSV files beside this module are the tables in the paper's units (A, mm, N/A, N/mm).
 """
 
-from __future__ import annotations
-
 from functools import cache
 from importlib.resources import files
 from typing import Final

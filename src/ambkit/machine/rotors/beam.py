@@ -7,8 +7,6 @@ static beam exactly, with consistent masses (Nelson, A finite rotating shaft ele
 Timoshenko beam theory, 1980).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,8 +21,7 @@ _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 """Exact for polynomials of degree 7; the masses have degree 6."""
 
 
-RIGID = 1e-3
-"""Squared frequency of a rigid-body mode, over that of the first bending mode."""
+RIGID = 1e-3  #: Squared frequency of a rigid-body mode, over that of the first bending mode.
 
 
 class Element(NamedTuple):

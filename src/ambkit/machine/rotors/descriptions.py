@@ -1,7 +1,5 @@
 """Flexible rotors, as descriptions: a table of the shaft, matrices in a file, measured modes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache, partial

@@ -8,8 +8,6 @@ Units are consistent, with seconds and radians; `unit_of_length` and `unit_of_ma
 others.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import zipfile

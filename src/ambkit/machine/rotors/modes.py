@@ -19,8 +19,7 @@ from ambkit.machine.rotors.beam import Matrices, shapes
 
 RANGE = 2000.0  #: Minimum upper end of ISO 14839-3's range [Hz]; else three times the speed.
 
-BEYOND = 1.15
-"""Maximum speed of the comparison, over the machine's: overspeed test [1]."""
+BEYOND = 1.15  #: Maximum speed of the comparison, over the machine's: overspeed test [1].
 
 SPARE = 1.25  #: Upper end of the retained modes, over the range: their tails reach into it [1].
 

@@ -1,7 +1,5 @@
 """Elements of a shaft: materials, sections in sequence, discs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Annotated, Any

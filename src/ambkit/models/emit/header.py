@@ -1,7 +1,5 @@
 """Header of a kind of machine: constants, steps and covariance, for ``ambkit/model.h``."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 from collections.abc import Sequence

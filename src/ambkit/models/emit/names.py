@@ -1,7 +1,5 @@
 """Names and terms of a model's entries in C."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """C of displacements, currents, mean, sensors and initialisation."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambkit.models.emit.names import (
@@ -35,8 +33,7 @@ def shown_variance(names: Names) -> str:
     """Return the function for the variance of the reading."""
     cases = []
     for r in range(names.m):
-        seen = [j for j, _ in names.entries("c", r)]
-        loads, lines, PH = _with_sensor(names, r, seen)
+        loads, lines, PH = _with_sensor(names, r, [j for j, _ in names.entries("c", r)])
         cases.append([*loads, *lines, _variance(names, r, PH)])
     arguments = [SENSOR, f"const {COV}"]
     return names.form("The variance of that.", "shown_variance", arguments, cases)

@@ -1,7 +1,5 @@
 """Typical sizes of an axis's quantities."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple, Self
 

@@ -1,7 +1,5 @@
 """Blocks of a report: chapters with texts, formulas, figures and tables."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 

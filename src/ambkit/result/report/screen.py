@@ -4,8 +4,6 @@ plotly's Python package is not used at run time, because it validates each prope
 second per figure. The tests validate the output with it.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Sequence

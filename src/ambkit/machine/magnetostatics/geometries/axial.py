@@ -1,7 +1,5 @@
 """Bodies of revolution: a thrust bearing with a disc, and a pot magnet above a ball."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal

@@ -1,7 +1,5 @@
 """E-core and U-core at a flat rotor, such as a guide rail or a bar."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal
 

@@ -7,8 +7,6 @@ together with the section. Neglected: leakage between the planes and around thei
 reluctance of the stator's iron between them, and saturation by the axial flux within a plane.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Annotated, Literal

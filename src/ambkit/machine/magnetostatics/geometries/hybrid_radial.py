@@ -5,8 +5,6 @@ Coils of opposite poles, in series, increase it on one side and decrease it on t
 does not cross the magnets.
 """
 
-from __future__ import annotations
-
 import cmath
 import math
 from typing import Annotated, Literal

@@ -4,8 +4,6 @@ The ring drives the bias flux through a shoe into the rim of the disc and out th
 the coils of both sides, in series, increase it in one gap and decrease it in the other.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal

@@ -1,7 +1,5 @@
 """Radial bearings: a ring with parallel-sided poles around the rotor; the heteropolar one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from itertools import pairwise
