@@ -519,11 +519,11 @@ def test_nothing_is_written_beyond_the_edge(build):
     with paper_style(figure):
         canvas, _ = figure.draw()
         FigureCanvasAgg(canvas).draw()
-        drawn, (width, height) = canvas.get_tightbbox(), canvas.get_size_inches()
-    assert drawn.x0 >= 0
-    assert drawn.y0 >= 0
-    assert drawn.x1 <= width
-    assert drawn.y1 <= height
+        box, (width, height) = canvas.get_tightbbox(), canvas.get_size_inches()
+    assert box.x0 >= 0
+    assert box.y0 >= 0
+    assert box.x1 <= width
+    assert box.y1 <= height
 
 
 def test_axis_factor_turns_metres_into_millimetres():
@@ -546,13 +546,13 @@ def test_plotly_accepts_each_property(build):
     from plotly.graph_objects import Figure as PlotlyFigure
 
     figure = build()
-    drawn = screen.described(figure)
-    PlotlyFigure(drawn)  # raises for an unknown property or an impossible value
-    text = screen.to_json(drawn)
+    plotly = screen.described(figure)
+    PlotlyFigure(plotly)  # raises for an unknown property or an impossible value
+    text = screen.to_json(plotly)
     assert "<" not in text
-    assert json.loads(text) == drawn
+    assert json.loads(text) == plotly
     shown = [
-        part["name"] for part in drawn["data"] + drawn["layout"]["shapes"] if part["showlegend"]
+        part["name"] for part in plotly["data"] + plotly["layout"]["shapes"] if part["showlegend"]
     ]
     assert sorted(shown) == sorted(markup.label_html(name) for name, _ in figure.legend())
 
