@@ -67,9 +67,9 @@ def score_defaults(
     """Fly runs of a machine, tune the naive filter on as many others, and judge all by truth."""
     made = _untouched(machine, 0.0, runs + max(runs, CONSISTENCY_RUNS), 2 * runs, seed)
     training, judged = made[:runs], made[runs : 2 * runs]
-    drawn = {0.0: made[runs:]}
+    sampled = {0.0: made[runs:]}
     for tolerance in {KINDS[kind].magnet_tolerance for kind in kinds} - {0.0}:
-        drawn[tolerance] = _untouched(machine, tolerance, CONSISTENCY_RUNS, runs, seed)
+        sampled[tolerance] = _untouched(machine, tolerance, CONSISTENCY_RUNS, runs, seed)
     settling = SETTLING * max(map(own_time, isolated_axes(machine)))
     first = max(1, round(settling / machine.sampling_time))
 
@@ -81,7 +81,7 @@ def score_defaults(
         return error(lambda: build(decade), judged)
 
     def consistency(kind: str, filter: Any) -> float:
-        records = [trial.record for trial in drawn[KINDS[kind].magnet_tolerance]]
+        records = [trial.record for trial in sampled[KINDS[kind].magnet_tolerance]]
         estimates = (filter.run(record, covariance=True) for record in records)
         shares = map(partial(nees, first=first, view=View(machine)), estimates, records)
         return float(np.mean(list(shares)))
