@@ -1,7 +1,5 @@
 """Which function of parsed C can call which, by function pointers as well."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """How much work a call is, whatever the machine and its load."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from types import FrameType

@@ -1,7 +1,5 @@
 """Exports of a kind of filter of a machine, made as tests name it: magnet, kind or file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

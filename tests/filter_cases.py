@@ -1,7 +1,5 @@
 """A filter, a record for it, and what its covariance is looked at with; for several tests."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

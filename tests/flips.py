@@ -1,7 +1,5 @@
 """A campaign of single bit flips over what an export keeps in RAM; ``tests/export/bit_flips.c``."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A force function from a table."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Texts as somebody may write them who wants more than a name, and what must not come of them."""
 
-from __future__ import annotations
-
 from html.parser import HTMLParser
 
 from ambkit import Machine

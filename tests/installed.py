@@ -6,8 +6,6 @@ Run by the Python that it is installed for, after each wheel that is built. Need
 package; the C is compiled where there is a compiler that knows cc's options.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Limit states from the literature, as functions of standard normal numbers that fail from 0 on."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import NamedTuple

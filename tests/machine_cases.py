@@ -1,7 +1,5 @@
 """Machines for several tests."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

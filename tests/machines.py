@@ -1,7 +1,5 @@
 """Machines of several axes for the core's loops: composed of parts, or of random patterns."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Runs for the estimators of the magnet constant: motion that shows it, rest, and a jump of it."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

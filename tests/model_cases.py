@@ -1,7 +1,5 @@
 """Machines for several tests: an axis with its motion by hand, a rotor of two planes."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Random models, and a model's steps as naive loops in the order that the core's kernel keeps."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 

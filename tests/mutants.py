@@ -10,8 +10,6 @@ alive is compiled by gcc with optimisation: where the program is the same to the
 mutant is the original (trivial compiler equivalence, Papadakis et al. 2015).
 """
 
-from __future__ import annotations
-
 import argparse
 import functools
 import json

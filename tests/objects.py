@@ -5,8 +5,6 @@ it includes name its object, together with the compiler and its options, much as
 objects lie in pytest's cache: workers share them, and a second call of the tests has them too.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import os

@@ -1,7 +1,5 @@
 """One axis in the C of the simulation, by numbers alone."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ They are slow and written down as the paper prints them, so that they can be che
 tests hold the core to them; no other code uses them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from functools import cache

@@ -17,8 +17,6 @@ shift                 a shift of what is signed, by what is no constant, or by m
 ====================  ==============================================================================
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 from collections.abc import Iterable, Iterator

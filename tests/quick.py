@@ -1,7 +1,5 @@
 """Which cases of a test are quick, and which only the long part has."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

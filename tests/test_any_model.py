@@ -1,7 +1,5 @@
 """Any model by loops: the paper's axis to the bit, and models with more states by the textbook."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from itertools import product

@@ -4,8 +4,6 @@ Compiled as the controller's build would be (C99, no warnings), and run here: in
 with the paper's axis built in and with loops over the same axis written as arrays.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Calibration on the running rig: checked, taken over between two samples, read back; A2L."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

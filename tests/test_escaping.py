@@ -1,7 +1,5 @@
 """Texts that others wrote stay texts: in each language by itself, then in every template."""
 
-from __future__ import annotations
-
 import html
 import json
 import re

@@ -1,7 +1,5 @@
 """``ambkit export c``: what a user types, compiles and links, and what its numbers are."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """FMUs, judged by tools that others wrote: FMPy and fmutool; their values: test_export_fmu_same."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import shutil

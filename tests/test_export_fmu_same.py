@@ -1,7 +1,5 @@
 """FMUs in FMPy are the library, to the last bit: machines x scenarios x what is exported."""
 
-from __future__ import annotations
-
 import shutil
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Commands made from verbs."""
 
-from __future__ import annotations
-
 import inspect
 import re
 import shlex

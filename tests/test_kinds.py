@@ -1,7 +1,5 @@
 """Every kind of estimator: the same interface, the same care of bad input, and each one's own."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

@@ -3,8 +3,6 @@
 The addon knows most rules of 2012 that a machine can check; it is not a certificate.
 """
 
-from __future__ import annotations
-
 import functools
 import os
 import re

@@ -1,7 +1,5 @@
 """Composed models: of a pattern that the kind of machine alone decides."""
 
-from __future__ import annotations
-
 import math
 import pickle
 from dataclasses import dataclass, replace

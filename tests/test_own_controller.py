@@ -1,7 +1,5 @@
 """A controller and a plant of the user's, in Python, in place of ours."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """An estimator of the user's, in Python, wherever one of ours is taken."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

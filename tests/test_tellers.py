@@ -1,7 +1,5 @@
 """Each row of a result, read back from each teller, is its value under its name."""
 
-from __future__ import annotations
-
 import io
 import json
 import math

@@ -6,8 +6,6 @@ is a regular expression in lower case; in a name ``_`` joins words (``work_point
 table with today's numbers, or with a pattern each place where it stands.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from functools import cache

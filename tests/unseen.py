@@ -3,8 +3,6 @@
 ``tests/mutants.py`` plants faults in the operators; what its tests let live must be in these lists.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import product
 from typing import NamedTuple

@@ -6,8 +6,6 @@ a case: a digest of all bits, and figures that show how large a change is. Where
     python -m tests.golden
 """
 
-from __future__ import annotations
-
 import csv
 import hashlib
 from collections.abc import Iterator

@@ -7,8 +7,6 @@ which the core answered when it knew no other model than eq. 15-21. Where a chan
     python -m tests.golden
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from pathlib import Path

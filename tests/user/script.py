@@ -1,7 +1,5 @@
 """A user's script with each public name of ambkit, for mypy --strict; it also runs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, assert_type

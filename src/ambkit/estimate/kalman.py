@@ -3,6 +3,8 @@
 The first two are the same C code with different magnet models.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 from ambkit.estimate.estimator import Estimator

@@ -4,8 +4,6 @@ Each model is fitted without some of the points and evaluated at these: single p
 interpolation, and complete blocks for the extrapolation (Roberts et al. 2017).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

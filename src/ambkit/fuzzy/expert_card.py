@@ -1,7 +1,5 @@
 """Figure and description of an expert."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The fuzzy basis function network in C, and the scaling of its inputs."""
 
-from __future__ import annotations
-
 from types import ModuleType
 from typing import Any, Literal
 

@@ -4,8 +4,6 @@ Complete blocks of the box are left out, not single points: errors that neighbou
 would otherwise be hidden, and more rules would seem better than they are (Roberts et al. 2017).
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor

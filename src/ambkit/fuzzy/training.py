@@ -9,8 +9,6 @@ other, and are then useless for a Kalman filter.
 The paper trains on the second, each output separately. Least squares here trains on both.
 """
 
-from __future__ import annotations
-
 import pickle
 from functools import lru_cache
 from typing import NamedTuple

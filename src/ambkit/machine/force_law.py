@@ -67,7 +67,13 @@ class MagnetModel(Protocol):
     """What an estimator knows of its magnet: anything that can be asked for force, k_i and k_s."""
 
     def in_core(self, core: ModuleType) -> Magnet:
-        """Build the C implementation in the given build of the core."""
+        """Build the C implementation.
+
+        Parameters
+        ----------
+        core : module
+            Build of the core, see `core_module`.
+        """
 
 
 NEAR = 2e-15  #: Of a current, how far from the root that is found the last bits are looked for.
@@ -81,7 +87,7 @@ def core_module(precision: Precision = "float64", *, any_model: bool = False) ->
     return import_module((_ANY_MODEL if any_model else _BUILDS)[precision])
 
 
-class Law:
+class Law(MagnetModel):
     """The force of a bearing's magnet, as the C core computes it."""
 
     machine: IsolatedAxis
@@ -91,16 +97,6 @@ class Law:
     def of_one_coil(self) -> dict[str, Any] | None:
         """Return the fields of the law of one coil; None where only their sum is known."""
         return None
-
-    def in_core(self, core: ModuleType) -> Magnet:
-        """Build the C implementation.
-
-        Parameters
-        ----------
-        core : module
-            Build of the core, see `core_module`.
-        """
-        raise NotImplementedError
 
     @property
     def bias_force(self) -> float:

@@ -43,7 +43,7 @@ def typical_stiffness(machine: IsolatedAxis) -> float:
 
 
 @dataclass(frozen=True)
-class ConstantStiffness:
+class ConstantStiffness(MagnetModel):
     """Linear force law F = k_i iu + k_s x with constant stiffnesses (paper, eq. 14).
 
     Parameters
@@ -83,13 +83,6 @@ class ConstantStiffness:
         return cls(float(k_i), float(k_s))
 
     def in_core(self, core: ModuleType) -> Magnet:
-        """Build the C implementation.
-
-        Parameters
-        ----------
-        core : module
-            Build of the core, see `core_module`.
-        """
         return core.Constant(self.k_i, self.k_s)  # type: ignore[no-any-return]
 
 

@@ -80,5 +80,4 @@ class Shown(Described, Drawn):
     __slots__ = ()
 
     def figure(self) -> Any:
-        """Return its figure."""
         return self._card().figure

@@ -1,7 +1,5 @@
 """Campbell diagram of a machine: its poles over the speed of rotation."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

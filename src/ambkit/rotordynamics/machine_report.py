@@ -1,7 +1,5 @@
 """Description of a machine: poles, modal truncation, collocation, damping, separation."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Shapes of a rotor's bending modes, with its magnets and sensors."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -7,8 +7,6 @@
 # software of Petrobras, judges (github.com/petrobras/ross, ``separation margin``, after API 684).
 # ISO 14839 has no separation margins; its part 3 judges the peak of the sensitivity.
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

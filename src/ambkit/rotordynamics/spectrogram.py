@@ -1,7 +1,5 @@
 """Spectrum of a rotor's motion over the speed, as in a run-up."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

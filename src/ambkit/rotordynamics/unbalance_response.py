@@ -1,7 +1,5 @@
 """Unbalance response of a levitated rotor over its speed."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple

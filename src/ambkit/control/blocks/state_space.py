@@ -111,7 +111,6 @@ class StateSpace(Block):
         raise NotImplementedError
 
     def sections(self, T: float) -> list[list[float]]:
-        """Return the sections b0, b1, b2, a1, a2 at a sampling time [s]."""
         from scipy import linalg, signal
 
         if self.sampling_time is not None and not math.isclose(self.sampling_time, T):

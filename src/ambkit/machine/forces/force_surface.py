@@ -135,7 +135,6 @@ class ForceSurface(PatchedForce):
         return best
 
     def __call__(self, iu: ArrayLike, x: ArrayLike) -> Array:
-        """Force [N] at places (iu [A], x [m]), of shapes that broadcast."""
         iu, x = np.broadcast_arrays(real("iu", iu), real("x", x))
         return self._scale * np.asarray(self._law.force(iu, x)) + self.correction(iu, x)
 

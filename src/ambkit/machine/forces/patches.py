@@ -117,7 +117,6 @@ class PatchedForce(Law):
         return patches(self, (b.current_min, b.current_max), (-travel, travel))
 
     def in_core(self, core: ModuleType) -> Magnet:
-        """Build the C implementation."""
         p = self.patches
         nodes = (p.force, p.by_current, p.by_displacement, p.by_both)
         return core.Surface(  # type: ignore[no-any-return]

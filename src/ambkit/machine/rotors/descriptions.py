@@ -134,7 +134,6 @@ class ShaftRotor(OfMatrices):
 
     @cached_property
     def matrices(self) -> beam.Matrices:
-        """Matrices of the free rotor, in one plane."""
         return _of_shaft(self.section, self.disc, self.material)
 
     @classmethod
@@ -194,7 +193,6 @@ class MatrixRotor(OfMatrices):
 
     @cached_property
     def matrices(self) -> beam.Matrices:
-        """Matrices of the free rotor, in one plane."""
         about = Path(self.file).stat() if Path(self.file).exists() else None
         return _of_file(self.file, about and (about.st_mtime_ns, about.st_size))
 
