@@ -1,71 +1,22 @@
 #include "ambkit/multiple_model.h"
-#include "ambkit/root.h"
 #include "kalman_step.h"
-
-/* An exponent that leaves nothing of a likelihood. */
-#define UNLIKELY AMB_C(1e4)
+#include "mixture.h"
 
 static const amb_multiple_model *own_of(const amb_estimator *self)
 {
   return (const amb_multiple_model *)self->own;
 }
 
-/* cov <- a cov + b other + c d d', on the upper triangle. */
-AMB_INLINE void blend(int n, amb_real a, amb_real cov[AMB_TRIANGLE], amb_real b,
-                      const amb_real other[AMB_TRIANGLE], amb_real c, const amb_real d[AMB_STATES])
-{
-  int entry = 0;
-  for (int i = 0; i < n; i++) {
-    const amb_real scaled = c * d[i];
-    for (int j = i; j < n; j++) {
-      cov[entry] = a * cov[entry] + b * other[entry] + scaled * d[j];
-      entry++;
-    }
-  }
-}
-
-/* Mean and covariance of all models together. */
-static void combine(int n, int models, amb_multiple_model_state *s)
-{
-  amb_real *mean = s->base.mean;
-  amb_real *cov = s->base.cov;
-  for (int i = 0; i < n; i++) {
-    mean[i] = AMB_C(0.0);
-    for (int j = 0; j < models; j++) {
-      mean[i] += s->model[j].weight * s->model[j].mean[i];
-    }
-  }
-  amb_clear(amb_entry(n, n - 1, n), cov);
-  for (int j = 0; j < models; j++) {
-    const amb_one_model *m = &s->model[j];
-    amb_real d[AMB_STATES];
-    for (int i = 0; i < n; i++) {
-      d[i] = m->mean[i] - mean[i];
-    }
-    blend(n, AMB_C(1.0), cov, m->weight, m->cov, m->weight, d);
-  }
-}
-
-/* All models take the mean and the covariance of the base, whatever their scales. */
-static void agree(int n, int models, amb_multiple_model_state *s)
-{
-  for (int j = 0; j < models; j++) {
-    amb_copy(n, s->base.mean, s->model[j].mean);
-    amb_copy(amb_entry(n, n - 1, n), s->base.cov, s->model[j].cov);
-  }
-  amb_clear(n, s->excitation.slope);
-}
-
-/* All models know nothing but the envelope. */
+/* All models know only that the rotor is within the envelope. */
 static void begin_anew(const amb_kalman *kf, int models, amb_multiple_model_state *s)
 {
   const int n = amb_states(&kf->model);
   amb_clear(n, s->base.mean);
   amb_envelope_open(kf, s->base.cov);
-  agree(n, models, s);
+  amb_mixture_restart(n, models, s);
 }
 
-/* Each model by itself is within what is left to a rotor; else all begin anew. */
+/* Restart all models if one of them has left the envelope. */
 static amb_status hold_each(const amb_kalman *kf, int models, amb_multiple_model_state *s)
 {
   for (int j = 0; j < models; j++) {
@@ -83,7 +34,7 @@ static amb_status contain(const amb_kalman *kf, int models, amb_multiple_model_s
 {
   const amb_status status = amb_step_contain(kf, &s->base);
   if (status != AMB_OK) {
-    agree(amb_states(&kf->model), models, s);
+    amb_mixture_restart(amb_states(&kf->model), models, s);
   }
   return status;
 }
@@ -96,7 +47,7 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
   const int n = own_of(self)->n;
   const amb_status status = amb_kalman_reset(self->kf, &s->base, mean, std);
   if (status == AMB_OK) {
-    agree(amb_states(model), n, s);
+    amb_mixture_restart(amb_states(model), n, s);
     for (int j = 0; j < n; j++) {
       s->model[j].weight = AMB_C(1.0) / (amb_real)n;
       s->trusted[j] = s->model[j].weight;
@@ -108,79 +59,7 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
   return status;
 }
 
-/* Whether weights are from 0 to 1 and add to 1, to half of the digits. */
-static bool are_weights(int n, const amb_real w[AMB_MODELS])
-{
-  bool each = true;
-  amb_real sum = AMB_C(0.0);
-  for (int j = 0; j < n; j++) {
-    each = each && (w[j] >= AMB_C(0.0));
-    sum += w[j];
-  }
-  return each && AMB_WITHIN(sum - AMB_C(1.0), AMB_ROOT_EPSILON);
-}
-
-/* Where a bit in memory has flipped, those that are trusted stand in for the weights, and they for
- * those. */
-static void mend(int n, amb_multiple_model_state *s)
-{
-  amb_real w[AMB_MODELS] = {0};
-  for (int j = 0; j < n; j++) {
-    w[j] = s->model[j].weight;
-  }
-  const bool good = are_weights(n, w);
-  const bool trusted = are_weights(n, s->trusted);
-  if (!good || !trusted) {
-    for (int j = 0; j < n; j++) {
-      const amb_real instead = trusted ? s->trusted[j] : (AMB_C(1.0) / (amb_real)n);
-      s->model[j].weight = good ? w[j] : instead;
-      s->trusted[j] = s->model[j].weight;
-    }
-  }
-}
-
-static void mix(int n, const amb_multiple_model *own, amb_multiple_model_state *s)
-{
-  const int others = own->n - 1;
-  const amb_real enter = own->leave / (amb_real)others;
-  const amb_real more = (AMB_C(1.0) - own->leave) - enter;
-  for (int j = 0; j < own->n; j++) {
-    amb_one_model *m = &s->model[j];
-    const amb_real kept = more * m->weight;
-    m->weight = enter + kept;
-    const amb_real w = amb_at_most(kept / m->weight, AMB_C(1.0));
-    amb_real d[AMB_STATES];
-    for (int i = 0; i < n; i++) {
-      d[i] = m->mean[i] - s->base.mean[i];
-      m->mean[i] = s->base.mean[i] + w * d[i];
-    }
-    blend(n, w, m->cov, AMB_C(1.0) - w, s->base.cov, w * (AMB_C(1.0) - w), d);
-  }
-}
-
-static amb_real scale_of(const amb_multiple_model *own, const amb_multiple_model_state *s)
-{
-  amb_real sum = AMB_C(0.0);
-  for (int j = 0; j < own->n; j++) {
-    sum += s->model[j].weight * own->theta[j];
-  }
-  return sum;
-}
-
-/* The model that is closest to what all together say. */
-static int nearest(const amb_multiple_model *own, const amb_multiple_model_state *s)
-{
-  const amb_real scale = scale_of(own, s);
-  int best = 0;
-  for (int j = 1; j < own->n; j++) {
-    if (amb_magnitude(own->theta[j] - scale) < amb_magnitude(own->theta[best] - scale)) {
-      best = j;
-    }
-  }
-  return best;
-}
-
-/* Model j one sample on, with the control currents iu [A] that acted. */
+/* Predict model j over a sample, with the control currents iu [A]. */
 static void predict_one(const amb_estimator *self, amb_multiple_model_state *s, int j,
                         const amb_real iu[AMB_CONTROLS])
 {
@@ -210,7 +89,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   amb_multiple_model_state *s = (amb_multiple_model_state *)state;
   amb_real iu[AMB_CONTROLS];
   amb_status status = amb_step_currents(kf, &s->base, u, iu);
-  mend(own->n, s);
+  amb_mixture_repair(own->n, s);
   if ((status & AMB_BAD_CONTROL) != 0U) {
     amb_excitation_miss(&s->excitation);
   }
@@ -218,7 +97,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
     for (int j = 0; j < own->n; j++) {
       s->model[j].weight = s->trusted[j];
     }
-    combine(n, own->n, s);
+    amb_mixture_combine(n, own->n, s);
     if (!amb_envelope_bounds(kf, AMB_BOUNDLESS, s->base.mean, s->base.cov)) { /* nor are models */
       begin_anew(kf, own->n, s);
       status |= AMB_RESTARTED;
@@ -226,7 +105,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   }
   amb_real now[AMB_FORCES];
   bool finite = true;
-  const amb_real scale = scale_of(own, s);
+  const amb_real scale = amb_mixture_scale(own, s);
   amb_step_forces(kf, self->magnet, iu, s->base.mean, now, result->stiffness);
   for (int f = 0; f < amb_forces(&kf->model); f++) {
     result->stiffness[f].k_i *= scale;
@@ -239,34 +118,26 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   } else {
     amb_excitation_predict(&s->excitation, &kf->model, result->stiffness, now);
     if (s->excited) {
-      mix(n, own, s);
+      amb_mixture_mix(n, own, s);
     }
     for (int j = 0; j < own->n; j++) {
       predict_one(self, s, j, iu);
     }
-    combine(n, own->n, s);
+    amb_mixture_combine(n, own->n, s);
     status |= contain(kf, own->n, s);
   }
   return status;
 }
 
-/* A sample, and how well each model predicted it. */
-typedef struct hearing {
-  amb_multiple_model_state *s;
-  bool taken[AMB_SENSORS];
-  amb_real square[AMB_MODELS];         /* sum of e^2 / S over the sensors */
-  amb_real S[AMB_SENSORS][AMB_MODELS]; /* [m^2] */
-} hearing;
-
-/* Take y of sensor r in by all models. */
-static amb_status take_in_by_all(const amb_kalman *kf, const amb_multiple_model *own, hearing *h,
-                                 int r, amb_real y, amb_real var_y)
+/* Update all models with y of sensor r. */
+static amb_status update_all(const amb_kalman *kf, const amb_multiple_model *own,
+                             amb_likelihoods *h, int r, amb_real y, amb_real var_y)
 {
   const amb_model *model = &kf->model;
   amb_multiple_model_state *s = h->s;
   amb_status status = AMB_OK;
   amb_real with_y[AMB_STATES];
-  const int near = nearest(own, s);
+  const int near = amb_mixture_nearest(own, s);
   amb_model_shown_with(model, r, s->model[near].cov, with_y);
   for (int j = 0; j < own->n; j++) {
     amb_one_model *m = &s->model[j];
@@ -292,7 +163,7 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
 {
   const amb_model *model = &kf->model;
   const amb_multiple_model *models = (const amb_multiple_model *)own;
-  hearing *h = (hearing *)of;
+  amb_likelihoods *h = (amb_likelihoods *)of;
   amb_multiple_model_state *s = h->s;
   amb_sensor_state *sensor = &s->base.sensor[r];
   /* Half the digits of a variance must be left, as in amb_step_update. */
@@ -317,11 +188,11 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
     status |= outlier;
     if (outlier == AMB_RESTARTED) {
       amb_envelope_restart(kf, &s->base, r, seen);
-      agree(amb_states(model), models->n, s);
+      amb_mixture_restart(amb_states(model), models->n, s);
     } else if (outlier == AMB_OK) {
-      status |= take_in_by_all(kf, models, h, r, seen, var_y);
+      status |= update_all(kf, models, h, r, seen, var_y);
       if ((r + 1) < amb_sensors(model)) { /* for the next sensor, before any is weighed */
-        combine(amb_states(model), models->n, s);
+        amb_mixture_combine(amb_states(model), models->n, s);
       }
     } else { /* left out */
     }
@@ -329,51 +200,12 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   return status;
 }
 
-/* Weigh the models by the likelihoods of the sample, of which the largest exponent is made 0: what
- * is least likely may vanish, not all. */
-static void weigh(const amb_model *model, const amb_multiple_model *own, const hearing *h)
-{
-  amb_multiple_model_state *s = h->s;
-  int best = 0;
-  amb_real sum = AMB_C(0.0);
-  for (int j = 1; j < own->n; j++) {
-    best = (h->square[j] < h->square[best]) ? j : best;
-  }
-  for (int j = 0; j < own->n; j++) {
-    amb_real ratio = AMB_C(1.0);
-    for (int r = 0; r < amb_sensors(model); r++) {
-      if (h->taken[r]) {
-        ratio *= h->S[r][best] / h->S[r][j];
-      }
-    }
-    const amb_real less = AMB_C(0.5) * (h->square[j] - h->square[best]);
-    const amb_real held = AMB_WITHIN(less, UNLIKELY) ? amb_at_least(less, AMB_C(0.0)) : UNLIKELY;
-    const amb_real near = AMB_WITHIN(ratio, AMB_REAL_ROOT) ? ratio : AMB_REAL_ROOT;
-    s->model[j].weight *= amb_exp_negative(held) * amb_root(near);
-    sum += s->model[j].weight;
-  }
-  if (sum >= (AMB_C(1.0) / AMB_REAL_ROOT)) {
-    for (int j = 0; j < own->n; j++) {
-      s->model[j].weight = amb_at_most(s->model[j].weight / sum, AMB_C(1.0));
-    }
-  } else { /* as good as nothing is left of any */
-    for (int j = 0; j < own->n; j++) {
-      s->model[j].weight = AMB_C(1.0) / (amb_real)own->n;
-    }
-  }
-  if (!(s->excitation.doubt > AMB_C(0.0))) {
-    for (int j = 0; j < own->n; j++) {
-      s->trusted[j] = s->model[j].weight;
-    }
-  }
-}
-
 /* AMB_OUTSIDE if the disturbance force has long followed the magnets as if theta were beyond all
  * models. */
 static amb_status outside(const amb_multiple_model *own, amb_multiple_model_state *s)
 {
   const amb_excitation *e = &s->excitation;
-  const amb_real near = own->theta[nearest(own, s)];
+  const amb_real near = own->theta[amb_mixture_nearest(own, s)];
   const amb_real theta = near + e->offset;
   amb_real least = own->theta[0];
   amb_real most = own->theta[0];
@@ -402,7 +234,7 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
   const amb_model *model = &kf->model;
   const amb_multiple_model *own = own_of(self);
   amb_multiple_model_state *s = (amb_multiple_model_state *)state;
-  hearing h;
+  amb_likelihoods h;
   h.s = s;
   for (int j = 0; j < own->n; j++) {
     h.square[j] = AMB_C(0.0);
@@ -418,15 +250,15 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
   }
   status |= held;
   if (taken && (held == AMB_OK)) {
-    s->excited =
-        amb_excitation_learns(&s->excitation, &own->learn, kf, s->model[nearest(own, s)].mean);
+    s->excited = amb_excitation_learns(&s->excitation, &own->learn, kf,
+                                       s->model[amb_mixture_nearest(own, s)].mean);
     if (s->excited) {
-      weigh(model, own, &h);
+      amb_mixture_weigh(model, own, &h);
     } else {
       status |= AMB_UNEXCITED;
     }
     status |= outside(own, s);
-    combine(amb_states(model), own->n, s);
+    amb_mixture_combine(amb_states(model), own->n, s);
     for (int r = 0; r < amb_sensors(model); r++) {
       if (h.taken[r]) {
         s->base.sensor[r].residual = y[r] - amb_model_shown(model, r, s->base.mean);
@@ -450,7 +282,7 @@ static void scale(const amb_estimator *self, const void *state, amb_real *value,
 {
   const amb_multiple_model *own = own_of(self);
   const amb_multiple_model_state *s = (const amb_multiple_model_state *)state;
-  const amb_real mean = scale_of(own, s);
+  const amb_real mean = amb_mixture_scale(own, s);
   amb_real sum = AMB_C(0.0);
   for (int j = 0; j < own->n; j++) {
     const amb_real off = own->theta[j] - mean;

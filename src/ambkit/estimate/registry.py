@@ -243,7 +243,9 @@ KINDS = {
         FilterKind(
             "multiple-model", "interacting multiple models",
             "augmented.MultipleModelFilter",
-            CoreKernel("MultipleModel", has_state=True, base="base.", calls=("excitation",)),
+            CoreKernel(
+                "MultipleModel", has_state=True, base="base.", calls=("excitation", "mixture")
+            ),
             ideal_laws,
             (*NOISE, Tunable("sojourn", "s", lambda _: 1.0, decades=1.0)),
             ratios=("scales", "excitation"), magnet_tolerance=0.3,
