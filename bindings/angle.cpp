@@ -31,7 +31,7 @@ Named run_angle(const nb::dict &arguments, const Vector &readings)
   auto *mean = out.add<amb_real>("mean", {n, 3});
   auto *variance = out.add<amb_real>("variance", {n});
   auto *speed_variance = out.add<amb_real>("speed_variance", {n});
-  auto *heard = out.add<amb_real>("heard", {n, 8});
+  auto *rotation = out.add<amb_real>("rotation", {n, 8});
   auto *status = out.add<unsigned char>("status", {n});
   {
     nb::gil_scoped_release release;
@@ -49,7 +49,7 @@ Named run_angle(const nb::dict &arguments, const Vector &readings)
                               amb_real(at.lost ? 1 : 0),
                               amb_real(at.afresh ? 1 : 0),
                               at.now};
-      std::copy_n(row, 8, heard + 8 * k);
+      std::copy_n(row, 8, rotation + 8 * k);
       std::copy_n(state.mean, 3, mean + 3 * k);
       variance[k] = amb_angle_variance(&set, &state);
       speed_variance[k] = amb_angle_speed_variance(&set, &state);

@@ -58,7 +58,7 @@ ClosedLoop::ClosedLoop(const nb::dict &loop, Arguments &named)
   in.r = r.data();
   in.load = series(named.take("load"), n, p, "load");
   in.speed = series(named.take("speed"), n + 1, 1, "speed");
-  in.heard = series(named.take("heard"), n, HEARD, "heard");
+  in.rotation = series(named.take("rotation"), n, ROTATION_FIELDS, "rotation");
   in.base = series(named.take("base"), n, 3, "base");
   in.scale = series(named.take("scale"), n, 1, "scale");
   in.fly = series(named.take("fly"), n, 1, "fly");

@@ -18,7 +18,7 @@ extern "C" {
 }
 
 // Information on the rotation at a sample: the fields of amb_rotation, and the speed there.
-constexpr size_t HEARD = 8;
+constexpr size_t ROTATION_FIELDS = 8;
 
 // The model of a machine (ambkit/model.h); in the build for any model with its arrays.
 struct Model {
@@ -35,7 +35,7 @@ struct Model {
   void stand(const Vector &still);
   // The states that rotate with the rotor, and the error of its speed (ambkit/turning.h).
   void synchronous(const nb::dict &arguments);
-  amb_real by(amb_kalman &kf, amb_kalman_state &state, const amb_real heard[]);
+  amb_real by(amb_kalman &kf, amb_kalman_state &state, const amb_real rotation[]);
   bool turns() const
   {
     return turning.nodes > 0;
@@ -204,20 +204,20 @@ struct Estimator {
     model.turn((before + after) / 2, (after - before) / kf.set.T);
     amb_model_growth(&kf.model, kf.set.var_d, kf.growth);
   }
-  // The same from the information on the rotation within a sample: HEARD numbers.
-  amb_real turn_by(Model &model, void *of, const amb_real heard[])
+  // The same from the information on the rotation within a sample: ROTATION_FIELDS numbers.
+  amb_real turn_by(Model &model, void *of, const amb_real rotation[])
   {
     if (usual.empty())
       usual.assign(kf.set.var_d, kf.set.var_d + sizes().noises);
-    return model.by(kf, *static_cast<amb_kalman_state *>(of), heard);
+    return model.by(kf, *static_cast<amb_kalman_state *>(of), rotation);
   }
-  // The same for sample k of a record: speeds (n,) [rad/s], or information (n, HEARD). Returns
-  // whether the rotor is found to spin against that information.
-  bool turn_at(Model &model, const amb_real *speed, size_t k, bool heard)
+  // The same for sample k of a record: speeds (n,) [rad/s], or information (n, ROTATION_FIELDS).
+  // Returns whether the rotor is found to spin against that information.
+  bool turn_at(Model &model, const amb_real *speed, size_t k, bool measured)
   {
-    if (k > 0 && heard) {
-      const amb_real *now = speed + k * HEARD;
-      return turn_by(model, state(), now) * now[HEARD - 1] < 0;
+    if (k > 0 && measured) {
+      const amb_real *now = speed + k * ROTATION_FIELDS;
+      return turn_by(model, state(), now) * now[ROTATION_FIELDS - 1] < 0;
     }
     if (k > 0)
       turn(model, speed[k - 1], speed[k]);

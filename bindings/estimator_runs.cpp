@@ -89,10 +89,10 @@ Named run(Estimator &self, const Samples &y, const Samples &u, bool covariance,
 
 // A complete record with a variable speed of rotation, linear between samples.
 Named run_turning(Estimator &self, const Samples &y, const Samples &u, const Samples &speed,
-                  Model &model, bool covariance, bool heard)
+                  Model &model, bool covariance, bool measured)
 {
   const amb_kalman_input in = input_of(self, y, u);
-  same_length(in.n, samples_of(speed, heard ? HEARD : 1, "speed"), "speed");
+  same_length(in.n, samples_of(speed, measured ? ROTATION_FIELDS : 1, "speed"), "speed");
   if (!model.turns())
     throw std::invalid_argument("the model knows one speed only");
   const size_t m = self.sizes().sensors, c = self.sizes().controls;
@@ -101,7 +101,7 @@ Named run_turning(Estimator &self, const Samples &y, const Samples &u, const Sam
     nb::gil_scoped_release release;
     for (size_t k = 0; k < in.n; k++) {
       const amb_real *acted = k > 0 ? in.u + (k - 1) * c : nullptr;
-      const bool mirrored = self.turn_at(model, speed.data(), k, heard);
+      const bool mirrored = self.turn_at(model, speed.data(), k, measured);
       (void)amb_estimator_step(&self.estimator, self.state(), in.y + k * m, acted, &self.result);
       self.result.status |= mirrored ? AMB_MIRRORED : AMB_OK;
       amb_estimator_note(&self.estimator, self.state(), &self.result, k, &history.to);
@@ -171,13 +171,14 @@ void bind_steps(nb::class_<Estimator> &estimator)
 
 void bind_turning(nb::module_ &m)
 {
-  m.def("run_turning", &run_turning, nb::arg("estimator"), nb::arg("y"), nb::arg("u"),
-        nb::arg("speed"), nb::arg("model"), nb::kw_only(), nb::arg("covariance") = false,
-        nb::arg("heard") = false,
-        nb::sig("def run_turning(estimator: Estimator, y: Any, u: Any, speed: Any, model: Model, "
-                "*, covariance: bool = False, heard: bool = False) -> dict[str, Any]"),
-        "A whole record while the speed of rotation changes (n,) [rad/s], or by what is heard of "
-        "it (n, 8), of its own model.");
+  m.def(
+      "run_turning", &run_turning, nb::arg("estimator"), nb::arg("y"), nb::arg("u"),
+      nb::arg("speed"), nb::arg("model"), nb::kw_only(), nb::arg("covariance") = false,
+      nb::arg("measured") = false,
+      nb::sig("def run_turning(estimator: Estimator, y: Any, u: Any, speed: Any, model: Model, "
+              "*, covariance: bool = False, measured: bool = False) -> dict[str, Any]"),
+      "A whole record while the speed of rotation changes (n,) [rad/s], or by what is measured of "
+      "it (n, 8), of its own model.");
 }
 
 #endif

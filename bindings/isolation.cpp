@@ -106,7 +106,7 @@ void init_isolation(Isolation *self, const nb::dict &of)
 // Run the filter along a record, and search the window every `every` samples. `model` and `speed`
 // for a record with variable speed of rotation.
 Named run(Isolation &self, Estimator &filter, const Samples &y, const Samples &u, size_t every,
-          Model *model, const std::optional<Samples> &speed, bool heard)
+          Model *model, const std::optional<Samples> &speed, bool measured)
 {
   const Sizes of = filter.sizes();
   const size_t n = samples_of(y, of.sensors, "y"), faults = self.faults.size();
@@ -116,7 +116,7 @@ Named run(Isolation &self, Estimator &filter, const Samples &y, const Samples &u
       self.isolation.sensors != static_cast<int>(of.sensors) || every < 1)
     throw std::invalid_argument("the isolation is of another machine, or `every` is 0");
   if (speed)
-    same_length(n, samples_of(*speed, heard ? HEARD : 1, "speed"), "speed");
+    same_length(n, samples_of(*speed, measured ? ROTATION_FIELDS : 1, "speed"), "speed");
   const size_t searches = n / every;
   Results out;
   auto *likelihood = out.add<amb_real>("likelihood", {searches, faults});
@@ -135,8 +135,8 @@ Named run(Isolation &self, Estimator &filter, const Samples &y, const Samples &u
       amb_real faster = 0;
 #if defined(AMB_MODEL_LOOPS)
       if (model != nullptr && speed) {
-        filter.turn_at(*model, speed->data(), k, heard);
-        faster = (speed->data()[heard ? k * HEARD : k] - self.speed) * filter.kf.set.T;
+        filter.turn_at(*model, speed->data(), k, measured);
+        faster = (speed->data()[measured ? k * ROTATION_FIELDS : k] - self.speed) * filter.kf.set.T;
       }
 #endif
       const amb_real *before = (k > 0) ? u.data() + (k - 1) * of.controls : nullptr;
@@ -180,9 +180,9 @@ void bind_isolation(nb::module_ &m)
            nb::sig("def __init__(self, of: dict[str, Any]) -> None"))
       .def("run", &run, nb::arg("filter"), nb::arg("y"), nb::arg("u"), nb::arg("every"),
            nb::arg("model").none() = nb::none(), nb::arg("speed").none() = nb::none(),
-           nb::arg("heard") = false,
+           nb::arg("measured") = false,
            nb::sig("def run(self, filter: Any, y: Any, u: Any, every: int, model: Any = None, "
-                   "speed: Any = None, heard: bool = False) -> dict[str, Any]"),
+                   "speed: Any = None, measured: bool = False) -> dict[str, Any]"),
            "Run a filter along a record, and search the window every so many samples; `speed` as "
            "`run_turning` takes it.")
       .def_prop_ro(

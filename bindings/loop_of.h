@@ -168,10 +168,10 @@ private:
       const auto &both = *static_cast<Turning *>(self);
       both.estimator->turn(*both.model, before, after);
     }
-    static amb_real turn_by(void *self, void *state, const amb_real heard[])
+    static amb_real turn_by(void *self, void *state, const amb_real rotation[])
     {
       const auto &both = *static_cast<Turning *>(self);
-      return both.estimator->turn_by(*both.model, state, heard);
+      return both.estimator->turn_by(*both.model, state, rotation);
     }
   } turning{};
 #endif

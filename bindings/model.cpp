@@ -152,10 +152,10 @@ void Model::synchronous(const nb::dict &arguments)
   error.std = starts.data();
 }
 
-amb_real Model::by(amb_kalman &kf, amb_kalman_state &state, const amb_real heard[])
+amb_real Model::by(amb_kalman &kf, amb_kalman_state &state, const amb_real fields[])
 {
-  const amb_rotation rotation = {heard[0], heard[1],     heard[2],     heard[3],
-                                 heard[4], heard[5] > 0, heard[6] > 0, heard[7]};
+  const amb_rotation rotation = {fields[0], fields[1],     fields[2],     fields[3],
+                                 fields[4], fields[5] > 0, fields[6] > 0, fields[7]};
   return amb_rotate(&turning, &error, &kf, &state, numbers.data(), &direction, &rotation);
 }
 

@@ -9,7 +9,7 @@ static size_t axes(const amb_loop *loop)
 static amb_real speed_known(const amb_loop_state *s, const amb_loop_sample *sample)
 {
   const amb_real own = sample->speed != NULL ? sample->speed[0] : 0;
-  return sample->heard != NULL ? s->speed : own;
+  return sample->rotation != NULL ? s->speed : own;
 }
 
 /* One step of the complete controller with its estimator; `u_known`: control signals known to it
@@ -134,16 +134,17 @@ static amb_real faulted(const amb_plant *plant, const amb_loop_faults *faults, c
 static amb_loop_sample sample_of(const amb_loop *loop, const amb_loop_input *in, size_t k)
 {
   const size_t p = axes(loop), m = (size_t)loop->plant.sensors;
-  const amb_loop_sample sample = {.r = in->r + k * p,
-                                  .load = in->load + k * p,
-                                  .noise_u = in->noise_u + k * p,
-                                  .noise_y = in->noise_y + k * m,
-                                  .base = in->base != NULL ? in->base + 3 * k : NULL,
-                                  .speed = in->speed != NULL ? in->speed + k : NULL,
-                                  .heard = in->heard != NULL ? in->heard + AMB_HEARD * k : NULL,
-                                  .scale = in->scale != NULL ? in->scale[k] : 1,
-                                  .off = k >= in->off,
-                                  .fly = in->fly == NULL || in->fly[k] > 0};
+  const amb_loop_sample sample = {
+      .r = in->r + k * p,
+      .load = in->load + k * p,
+      .noise_u = in->noise_u + k * p,
+      .noise_y = in->noise_y + k * m,
+      .base = in->base != NULL ? in->base + 3 * k : NULL,
+      .speed = in->speed != NULL ? in->speed + k : NULL,
+      .rotation = in->rotation != NULL ? in->rotation + AMB_ROTATION_FIELDS * k : NULL,
+      .scale = in->scale != NULL ? in->scale[k] : 1,
+      .off = k >= in->off,
+      .fly = in->fly == NULL || in->fly[k] > 0};
   return sample;
 }
 
@@ -185,9 +186,9 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
     const amb_loop_sample sample = sample_of(loop, in, k);
     for (int j = 0; j < out->columns; j++)
       out->X[j][k] = s.plant.X[j];
-    s.speed = (sample.heard != NULL) ? sample.heard[AMB_HEARD - 1] : 0;
-    if ((k > 0) && (loop->turn_by != NULL) && (sample.heard != NULL))
-      s.speed = loop->turn_by(loop->model, estimator, sample.heard);
+    s.speed = (sample.rotation != NULL) ? sample.rotation[AMB_ROTATION_FIELDS - 1] : 0;
+    if ((k > 0) && (loop->turn_by != NULL) && (sample.rotation != NULL))
+      s.speed = loop->turn_by(loop->model, estimator, sample.rotation);
     else if ((k > 0) && (loop->turn != NULL))
       loop->turn(loop->model, in->speed[k - 1], in->speed[k]);
     read(plant, &s.plant, sample.noise_y, direct);
@@ -197,7 +198,7 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
       direct[r] = faults->beside ? direct[r] : s.y[r];
     }
     sense(loop, &s, estimator, &sample, direct, u_known);
-    if ((sample.heard != NULL) && (s.speed * sample.heard[AMB_HEARD - 1] < 0)) {
+    if ((sample.rotation != NULL) && (s.speed * sample.rotation[AMB_ROTATION_FIELDS - 1] < 0)) {
       s.status |= AMB_MIRRORED;
       s.result.status |= AMB_MIRRORED;
     }

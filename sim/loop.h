@@ -23,7 +23,7 @@ typedef struct amb_own {
 
 /* Information on the rotation at a sample: the fields of amb_rotation for the previous interval
  * (ambkit/turning.h), and the speed at its end. */
-#define AMB_HEARD 8
+#define AMB_ROTATION_FIELDS 8
 
 typedef struct amb_loop {
   amb_plant plant;
@@ -41,7 +41,7 @@ typedef struct amb_loop {
   void (*turn)(void *model, amb_real before, amb_real after); /* sets the speeds of two samples in
                                                                  the estimator's model, or NULL */
   amb_real (*turn_by)(void *model, void *estimator,
-                      const amb_real heard[]); /* updates the estimator's state
+                      const amb_real rotation[]); /* updates the estimator's state
                                                   from the information on the
                                                   rotation, and returns the
                                                   known speed; or NULL */
@@ -74,11 +74,11 @@ typedef struct amb_loop_sample {
   const amb_real *base;    /* [3]: accelerations of the foundation [m/s^2]; NULL: none */
   const amb_real *speed;   /* [2]: speed of rotation, here and at the next sample [rad/s]; NULL: the
                               axis's own */
-  const amb_real *heard;   /* [AMB_HEARD]: information on it for estimator and controllers; NULL:
-                              exact */
-  amb_real scale;          /* factor of the magnet forces, with the bias [1] */
-  bool off;                /* magnets have no current, not even the bias */
-  bool fly;                /* command to levitate, for `control` */
+  const amb_real *rotation; /* [AMB_ROTATION_FIELDS]: information on it for estimator and
+                            controllers; NULL: exact */
+  amb_real scale;           /* factor of the magnet forces, with the bias [1] */
+  bool off;                 /* magnets have no current, not even the bias */
+  bool fly;                 /* command to levitate, for `control` */
 } amb_loop_sample;
 
 /* One sample, then the plant to the next; `estimator` is the state of the loop's estimator. Returns
@@ -114,9 +114,9 @@ typedef struct amb_loop_input {
   const amb_loop_faults *faults; /* NULL: none */
   const amb_real *fly;           /* n: command to levitate, 1 or 0, for `control`; NULL: 1 */
   const amb_real *speed;         /* n + 1: speed of rotation [rad/s]; NULL: the axis's own */
-  const amb_real *heard; /* n x AMB_HEARD: information on it for estimator and controllers; NULL:
-                            exact */
-  const amb_real *base;  /* n x 3: accelerations of the foundation [m/s^2]; NULL: none */
+  const amb_real *rotation;      /* n x AMB_ROTATION_FIELDS: information on it for estimator and
+                                 controllers; NULL: exact */
+  const amb_real *base;          /* n x 3: accelerations of the foundation [m/s^2]; NULL: none */
   size_t off; /* the magnets have no current from this sample on; n: never switched off */
 } amb_loop_input;
 

@@ -13,12 +13,12 @@ DRIVER = Path(__file__).parent / "export" / "bit_flips.c"
 
 FILTER = """
 typedef struct { amb_real integral, x, v; } outside;
-static heard step(rig_state *s, outside *o, const amb_real y[], amb_real iu[])
+static outcome step(rig_state *s, outside *o, const amb_real y[], amb_real iu[])
 {
   rig_estimates now;
   const amb_kalman_settings *set = &KF.set;
   const amb_status status = rig_step(s, y[0], iu[0] / set->k_ui[0], &now);
-  const heard h = {now.feed_back, true, status};
+  const outcome h = {now.feed_back, true, status};
   const amb_real shown = y[0] / set->K_sen[0];
   o->v += ((shown - o->x) - set->T * o->v) / ((amb_real)T_F + set->T);
   o->x = shown;
@@ -36,11 +36,11 @@ static void begin(rig_state *s) { BEGIN; }
 AXIS = """
 typedef struct { int k; } outside;
 static void transfer(rig_state *s) { rig_transfer(s, 0, 0); }
-static heard sample(rig_state *s, const amb_real y[], amb_real iu[])
+static outcome sample(rig_state *s, const amb_real y[], amb_real iu[])
 {
   rig_output now;
   const amb_status status = rig_step(s, y[0], 0, true, &now);
-  const heard h = {now.usable, now.mode == AMB_FLYING, status};
+  const outcome h = {now.usable, now.mode == AMB_FLYING, status};
   iu[0] = now.iu;
   return h;
 }
@@ -49,7 +49,7 @@ static heard sample(rig_state *s, const amb_real y[], amb_real iu[])
 
 CONTROLLER = """
 static void begin(NAME_STATE *s) { transfer(s); }
-static heard step(NAME_STATE *s, outside *o, const amb_real y[], amb_real iu[])
+static outcome step(NAME_STATE *s, outside *o, const amb_real y[], amb_real iu[])
 {
   (void)o;
   return sample(s, y, iu);
@@ -70,7 +70,7 @@ static void begin(memory *s)
   s->cal.request++;
   rig_calibrate(&s->cal, &s->rig);
 }
-static heard step(memory *s, outside *o, const amb_real y[], amb_real iu[])
+static outcome step(memory *s, outside *o, const amb_real y[], amb_real iu[])
 {
   if (o->k++ % 10 == 9)
     rig_calibrate(&s->cal, &s->rig);
@@ -85,11 +85,11 @@ static void transfer(rig_control_state *s)
 {
   rig_control_transfer(s, nowhere, SPEED, middle);
 }
-static heard sample(rig_control_state *s, const amb_real y[], amb_real iu[])
+static outcome sample(rig_control_state *s, const amb_real y[], amb_real iu[])
 {
   rig_command now;
   const amb_status status = rig_control_step(s, y, middle, SPEED, true, &now);
-  const heard h = {now.estimates.feed_back, now.mode == AMB_FLYING, status};
+  const outcome h = {now.estimates.feed_back, now.mode == AMB_FLYING, status};
   for (int c = 0; c < AMB_CONTROLS; c++)
     iu[c] = now.iu[c];
   return h;
@@ -122,7 +122,7 @@ def source(text: str, **macros: object) -> str:
     lines = [f"#define {name} {value}" for name, value in macros.items()]
     memory = f"typedef struct {{ {rig} rig; amb_calibration cal; }} memory;\n"
     lines += ["#define FILTER(s) ((const amb_kalman_state *)(const void *)&(s)->PLACE)"]
-    lines += ["typedef struct heard { bool fed; bool up; amb_status status; } heard;"]
+    lines += ["typedef struct outcome { bool fed; bool up; amb_status status; } outcome;"]
     lines += [memory] if macros["NAME_STATE"] == "memory" else []
     return "\n".join([*includes, *lines, text, f'#include "{DRIVER}"', ""])
 

@@ -193,7 +193,7 @@ def test_pulses_that_stay_away_are_a_status():
     _, _, estimate = observed(PULSES, speed)
     assert estimate.lost[-10000:].all()
     assert np.abs(estimate.speed[-5000:]).max() < TURN
-    assert estimate.heard[-1, 7] == 0.0  # what controllers hear
+    assert estimate.rotation[-1, 7] == 0.0  # what controllers use
     assert (estimate.status & AngleStatus.RESTARTED).any()
 
 
@@ -345,8 +345,8 @@ def test_a_steady_speed_does_not_separate_unbalance_from_runout():
         record = simulate(machine, Scenario(duration=0.04, seed=3)).record
         estimate = ExtendedKalmanFilter(machine, synchronous=BOTH).run(record, covariance=True)
         stated.append([estimate.std(name)[-1] for name in ("U1_x", "r1_A_c", "r1_B_c")])
-    known, heard = np.array(stated)
-    assert (heard > 0.7 * known).all()
+    known, measured = np.array(stated)
+    assert (measured > 0.7 * known).all()
 
 
 @pytest.mark.long
@@ -435,7 +435,7 @@ def test_an_encoder_is_lost_and_comes_back_without_a_jump(unbalance, most, monke
     flight = Scenario(duration=0.8, seed=4, controller={"unbalance": unbalance}).fed("estimate")
     kf = ExtendedKalmanFilter(dirty, synchronous=BOTH)
     run = simulate(dirty, flight, filter=kf)
-    lost = estimate_angle(dirty, run.record).heard[:, 5] > 0
+    lost = estimate_angle(dirty, run.record).rotation[:, 5] > 0
     assert lost[5500:6000].all()
     assert not lost[6001:].any()
     current = np.abs([run.record[f"iu_{axis.name}"] for axis in dirty.axes]).max(axis=0)
@@ -492,7 +492,7 @@ int main(void)
   double reading;
   f_init(&state);
   while (fread(y, sizeof y, 1, stdin) == 1 && fread(&reading, sizeof reading, 1, stdin) == 1) {{
-    (void)f_hear(&state, reading);
+    (void)f_update_angle(&state, reading);
     const double mirrored = (f_step(&state, y, u, &estimates) & AMB_MIRRORED) > 0U;
     (void)fwrite(state.filter.mean, sizeof state.filter.mean, 1, stdout);
     (void)fwrite(&mirrored, sizeof mirrored, 1, stdout);

@@ -186,7 +186,7 @@ def test_unbalance_pushes_across_while_the_speed_grows(growth):
     one = machine(speed=300.0).replace(rotor__gravity="none")
     kf = KalmanFilter(one, synchronous=("unbalance",))
     T, names = one.sampling_time, [state.name for state in kf.states]
-    kf.turning(np.array([250.0, 400.0]), 2)
+    kf.follow_speed(np.array([250.0, 400.0]), 2)
     before, after = 300.0 - growth * T / 2, 300.0 + growth * T / 2
     start = np.zeros(len(names))
     start[names.index("U1_x")] = 1e-4

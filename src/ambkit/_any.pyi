@@ -26,7 +26,7 @@ class Model:  # type: ignore[no-redef]
 def stand(estimator: Estimator, model: Model, still: Any) -> None:
     """An estimator and its model as they were before they turned."""
 
-def run_turning(estimator: Estimator, y: Any, u: Any, speed: Any, model: Model, *, covariance: bool = False, heard: bool = False) -> dict[str, Any]:
+def run_turning(estimator: Estimator, y: Any, u: Any, speed: Any, model: Model, *, covariance: bool = False, measured: bool = False) -> dict[str, Any]:
     """
-    A whole record while the speed of rotation changes (n,) [rad/s], or by what is heard of it (n, 8), of its own model.
+    A whole record while the speed of rotation changes (n,) [rad/s], or by what is measured of it (n, 8), of its own model.
     """

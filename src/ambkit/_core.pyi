@@ -405,7 +405,7 @@ class Isolation:
 
     def __init__(self, of: dict[str, Any]) -> None: ...
 
-    def run(self, filter: Any, y: Any, u: Any, every: int, model: Any = None, speed: Any = None, heard: bool = False) -> dict[str, Any]:
+    def run(self, filter: Any, y: Any, u: Any, every: int, model: Any = None, speed: Any = None, measured: bool = False) -> dict[str, Any]:
         """
         Run a filter along a record, and search the window every so many samples; `speed` as `run_turning` takes it.
         """
@@ -439,7 +439,7 @@ class LoopState:
 
     def __init__(self) -> None: ...
 
-def simulate(loop: dict[str, Any], *, r: Any, load: Any, noise_u: Any, noise_y: Any, place: Any, current: Any, integral: Any, hovers: bool = True, estimator: Estimator | None = None, model: Model | None = None, control: Control | None = None, speed: Any = None, heard: Any = None, base: Any = None, off: int | None = None, scale: Any = None, faults: dict[str, Any] | None = None, beside: bool = False, fly: Any = None, state: LoopState | None = None, start: Any = None, own_controller: Any = None, own_plant: Any = None) -> dict[str, Any]:
+def simulate(loop: dict[str, Any], *, r: Any, load: Any, noise_u: Any, noise_y: Any, place: Any, current: Any, integral: Any, hovers: bool = True, estimator: Estimator | None = None, model: Model | None = None, control: Control | None = None, speed: Any = None, rotation: Any = None, base: Any = None, off: int | None = None, scale: Any = None, faults: dict[str, Any] | None = None, beside: bool = False, fly: Any = None, state: LoopState | None = None, start: Any = None, own_controller: Any = None, own_plant: Any = None) -> dict[str, Any]:
     """
     A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an empty one at first, the next call goes on where this one ends. The start, of all states of the plant, is in place of rest.
     """

@@ -2,7 +2,7 @@
  * flies on. The rotor is the export's own model, so truth is known. Compiled against one export;
  * the including file says how it is stepped:
  *
- *   heard                         whether the estimate is fed back, whether it flies, its status
+ *   outcome                         whether the estimate is fed back, whether it flies, its status
  *   NAME_STATE                    type of all that lies in RAM; its amb_kalman_state is FILTER(s)
  *   KF, MAGNETS or STIFFNESS      constants
  *   outside                       type of what the loop has beside it
@@ -21,7 +21,7 @@
 #include <unistd.h>
 
 static void begin(NAME_STATE *s);
-static heard step(NAME_STATE *s, outside *o, const amb_real y[AMB_SENSORS],
+static outcome step(NAME_STATE *s, outside *o, const amb_real y[AMB_SENSORS],
                   amb_real iu[AMB_CONTROLS]);
 
 typedef struct loop {
@@ -59,7 +59,7 @@ static void find_deviations(void)
 }
 
 /* One sample of the loop. Returns how far the farthest position is off [caps]. */
-static amb_real fly(loop *l, heard *h, bool *touched)
+static amb_real fly(loop *l, outcome *h, bool *touched)
 {
   const amb_model *model = &KF.model;
   amb_real F[AMB_FORCES], y[AMB_SENSORS];
@@ -102,7 +102,7 @@ int main(int argc, char **argv)
 {
   static loop now;
   const int each = argc > 1 ? atoi(argv[1]) : 1500;
-  heard h = {false, false, 0};
+  outcome h = {false, false, 0};
   bool touched = false;
   double number;
   begin(&now.s);
@@ -181,7 +181,7 @@ int main(int argc, char **argv)
   const size_t every = (size_t)atoi(argv[4]), first = (size_t)atoi(argv[5]);
   const size_t many = (size_t)atoi(argv[6]), size = 8 * sizeof start.s;
   loop *without = malloc(((size_t)after / EACH + 1) * sizeof *without);
-  heard h = {false, false, 0};
+  outcome h = {false, false, 0};
   bool touched = false;
   if (without == NULL || many > MANY)
     return 2;

@@ -42,12 +42,12 @@ class AlongRecords(Stepping):
             The record's sampling time is not that of the machine.
         """
         y, u = self._start(record)
-        speed, heard = self._rotation(record)
+        speed, measured = self._rotation(record)
         if speed is None:
             history = self.core.run(y, u, covariance=covariance)
         else:
             turn, of = self.engine.core.run_turning, self.engine.model_of_core
-            history = turn(self.core, y, u, speed, of, covariance=covariance, heard=heard)
+            history = turn(self.core, y, u, speed, of, covariance=covariance, measured=measured)
         return self._estimated(record.t, self._with_law_error(history, u), self.name)
 
     def run_raw(self, y: ArrayLike, u: ArrayLike, *, covariance: bool = False) -> Estimate:
@@ -193,10 +193,10 @@ class AlongRecords(Stepping):
     def _rotation(self, record: Record) -> tuple[NDArray[Any] | None, bool]:
         """Return the rotation along a record (None if constant), and whether a sensor gave it."""
         if self.machine.angle is not None and self.view.speed is not None:
-            return self.hear(readings_of(self.machine, record)), True
-        return self.turning(dict(record.signals).get("speed"), len(record)), False
+            return self.follow_angle(readings_of(self.machine, record)), True
+        return self.follow_speed(dict(record.signals).get("speed"), len(record)), False
 
-    def hear(self, readings: ArrayLike) -> NDArray[Any]:
+    def follow_angle(self, readings: ArrayLike) -> NDArray[Any]:
         """Let the model of a machine follow the readings of its angle sensor.
 
         Parameters
@@ -218,10 +218,10 @@ class AlongRecords(Stepping):
         if (synchronous := self.engine.synchronous_states()) is not None:
             std = [float(item) for item in self.default_std()]
             self.engine.model_of_core.synchronous(synchronous | {"std": std})
-        self.engine.model_of_core.turn(float(angle.heard[0, 0]), 0.0)
-        return angle.heard
+        self.engine.model_of_core.turn(float(angle.rotation[0, 0]), 0.0)
+        return angle.rotation
 
-    def turning(self, speed: NDArray[np.float64] | None, n: int) -> NDArray[Any] | None:
+    def follow_speed(self, speed: NDArray[np.float64] | None, n: int) -> NDArray[Any] | None:
         """Let the model of a machine follow the speed of its rotor.
 
         Parameters

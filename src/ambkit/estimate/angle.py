@@ -50,7 +50,7 @@ class AngleEstimate:
         Of the angle [rad^2] and of the speed [rad^2/s^2].
     status : ndarray of uint8 (n,)
         Flags of :class:`AngleStatus` [1].
-    heard : ndarray (n, 8)
+    rotation : ndarray (n, 8)
         Information for a filter, the fields of ``amb_rotation`` in ``core/include/ambkit/angle.h``
         [their SI units].
 
@@ -69,7 +69,7 @@ class AngleEstimate:
     angle_variance: Array
     speed_variance: Array
     status: NDArray[np.uint8]
-    heard: NDArray[Any]
+    rotation: NDArray[Any]
 
     @classmethod
     def of(
@@ -99,8 +99,8 @@ class AngleEstimate:
         )
         t = machine.sampling_time * np.arange(len(values), dtype=float)
         angle, speed, acceleration = mean.T
-        status, heard = np.asarray(out["status"]), np.asarray(out["heard"])
-        return cls(t, angle, speed, acceleration, variance, speed_variance, status, heard)
+        status, rotation = np.asarray(out["status"]), np.asarray(out["rotation"])
+        return cls(t, angle, speed, acceleration, variance, speed_variance, status, rotation)
 
     @property
     def lost(self) -> NDArray[np.bool_]:

@@ -156,7 +156,7 @@ class Loop:
         }
         self._goes: Any = None  # state of the loop between two segments
         self._turns: tuple[Any, Any] = None, None  # an estimator, and its rotating model
-        self._heard: NDArray[Any] | None = None  # its inputs from the rotation
+        self._measured_rotation: NDArray[Any] | None = None  # its inputs from the rotation
         self._at = 0
 
     def _impose(self, magnet: MagnetModel | None) -> None:
@@ -309,11 +309,11 @@ class Loop:
         if self._speed is None or self._base is None:
             return {}
         if (estimator := self.estimator) is not None and self._turns[0] is not estimator:
-            follows = self._heard = None
+            follows = self._measured_rotation = None
             if self.readings is not None and estimator.machine.angle is not None:
-                follows = self._heard = estimator.hear(self.readings)
+                follows = self._measured_rotation = estimator.follow_angle(self.readings)
             else:
-                follows = estimator.turning(self._speed, self._speed.size)
+                follows = estimator.follow_speed(self._speed, self._speed.size)
             self._turns = estimator, None if follows is None else estimator.engine.model_of_core
         off = self._t.size
         if self.scenario.off is not None:
@@ -321,7 +321,7 @@ class Loop:
         return {
             "speed": self._speed[here.start : here.stop + 1].astype(self.precision),
             "base": self._base[here].astype(self.precision), "model": self._turns[1], "off": off,
-            "heard": None if self._heard is None else self._heard[here],
+            "rotation": None if self._measured_rotation is None else self._measured_rotation[here],
         }  # fmt: skip
 
     def _stretch(self, until: float | None) -> slice:

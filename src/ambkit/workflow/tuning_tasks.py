@@ -203,14 +203,14 @@ class SimulationObjective:
         self.reference = self.untuned.mean(axis=0)
         # The search models the modes of the loop's range; the best filters are compared with all
         # modes.
-        self.coarse, self.heard = _with_few_modes(machine), self.seen
+        self.coarse, self.coarse_trials = _with_few_modes(machine), self.seen
         if self.coarse is not machine:
             made = loaded(self.coarse, self.runs, 2 * seeds.start + 1)
-            self.heard = [item for item in made if not item.lost]
-            if self.heard:
-                self.untuned = self.errors(lambda: KalmanFilter(self.coarse), self.heard)
+            self.coarse_trials = [item for item in made if not item.lost]
+            if self.coarse_trials:
+                self.untuned = self.errors(lambda: KalmanFilter(self.coarse), self.coarse_trials)
             else:
-                self.coarse, self.heard = machine, self.seen
+                self.coarse, self.coarse_trials = machine, self.seen
 
     def errors(self, build: Callable[[], Estimator], trials: Sequence[Trial]) -> Any:
         """Return the errors of x, v and f_d along the axes in each run (runs, 3)."""
@@ -256,11 +256,15 @@ class SimulationObjective:
         """Return the cost of the filters that `build` makes."""
         # Each run has a step along each axis: a few runs contain as many steps as those of one
         # axis.
-        count = math.ceil(len(self.heard) / len(self.machine.axes)) if few else len(self.heard)
+        count = (
+            math.ceil(len(self.coarse_trials) / len(self.machine.axes))
+            if few
+            else len(self.coarse_trials)
+        )
         made = build()
         if self.coarse is not self.machine:
             made = made.for_machine(self.coarse)
-        result = self.errors(lambda: made, self.heard[:count])
+        result = self.errors(lambda: made, self.coarse_trials[:count])
         return self._share(result, self.untuned[:count].mean(axis=0))
 
     def _share(self, result: Any, reference: Any) -> float:
@@ -303,8 +307,8 @@ def _with_few_modes(machine: Machine) -> Machine:
     if not isinstance(rotor, OfMatrices) or bending is None:
         return machine
     f = rotor.every_mode.frequency / (2 * math.pi)
-    heard = f <= max_frequency(machine.sampling_time, machine.speed)
-    count = max(1, int(np.count_nonzero(heard)))
+    within = f <= max_frequency(machine.sampling_time, machine.speed)
+    count = max(1, int(np.count_nonzero(within)))
     if count >= len(bending.frequency) - bending.attached:
         return machine
     return machine.model_copy(

@@ -112,7 +112,7 @@ def vectors(controller: Controller, scenario: Scenario) -> Vectors:
         over, transfer_currents = _transferred(controller, parts[0])
         parts += over
     starts = np.cumsum([0, *(len(item[0]) for item in parts[:-1])]).tolist()
-    filter.turning(None, 1)  # what is written of the filter is of the machine's own speed
+    filter.follow_speed(None, 1)  # what is written of the filter is of the machine's own speed
     *columns, snapshots = zip(*parts, strict=True)
     joined: list[Any] = [np.concatenate(item) for item in columns]
     joined.append(Snapshots.joined(snapshots))

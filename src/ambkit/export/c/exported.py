@@ -229,7 +229,7 @@ def magnets_of(filter: Estimator) -> list[Magnet]:
     return held if isinstance(held, list) else [held]
 
 
-def hearing(export: Export) -> dict[str, dict[str, Any]]:
+def angle_structs(export: Export) -> dict[str, dict[str, Any]]:
     """Return the structs of the angle sensor by their names in C; none without one."""
     filter = export.filter
     if filter.machine.angle is None or export.speeds is None:
@@ -261,7 +261,7 @@ def crc(export: Export) -> Crc:
         constants.array(f"&{name}_mass", np.array([filter.machine.rotor.mass]))
     if export.of_model.turning is not None:
         constants.fields(f"{name}_turning", export.of_model.turning, arrays=False)
-        for key, fields in hearing(export).items():
+        for key, fields in angle_structs(export).items():
             constants.fields(key, fields, arrays=False)
     constants.array(f"{name}_std", np.asarray(filter.default_std()))
     if filter.law_error.size:

@@ -244,7 +244,7 @@ def _numbers(export: Export) -> dict[str, Any]:
         "magnet_methods": magnet["methods"],
         "arrays": c_literals.declared(export.arrays, precision),
         "turning": _turning(export.of_model, export.speeds, precision),
-        "hearing": _hearing(export),
+        "angle_sensor": _angle_sensor(export),
         "speed_own": c_literals.number(machine.speed, precision) if several else "",
         "mass": "" if several else c_literals.number(machine.rotor.mass, precision),
         "own": "" if export.in_core is None else c_literals.own(filter, precision),
@@ -263,10 +263,10 @@ def _turning(
     return {"numbers": fields["numbers"], "text": text} | ends
 
 
-def _hearing(export: Export) -> dict[str, Any] | None:
+def _angle_sensor(export: Export) -> dict[str, Any] | None:
     """Return the template variables of the angle sensor."""
     angle = export.filter.machine.angle
-    structs = exported.hearing(export)
+    structs = exported.angle_structs(export)
     if angle is None or not structs:
         return None
     readings = {

@@ -156,9 +156,9 @@ class FaultIsolation:
         """Run the filter along a record, and search every quarter of a window."""
         kalman = self.kalman
         y, u = kalman._start(record)
-        speed, heard = kalman._rotation(record)
+        speed, measured = kalman._rotation(record)
         rotation = {} if speed is None else {"model": kalman.engine.model_of_core, "speed": speed}
-        result = self.core.run(kalman.core, y, u, self.every, heard=heard, **rotation)
+        result = self.core.run(kalman.core, y, u, self.every, measured=measured, **rotation)
         searches = np.arange(1, len(result["since"]) + 1) * self.every - 1
         return Searches(
             record.t[searches], self.signatures, np.asarray(result["likelihood"], float),
