@@ -142,7 +142,6 @@ def injection_figure(
 
 
 REST = 0.05  #: Share of the experiment before the signal begins.
-
 LINEAR = 0.05  #: Default limit of the displacement over the air gap, because magnets are nonlinear.
 
 TRIES, SEEDS = 12, 3

@@ -6,7 +6,6 @@ from importlib import import_module
 from typing import Any
 
 TYPE_CHECKING = False  # without importing typing before a command starts
-
 PLACES: dict[str, str] = {}  #: Module and function by name.
 
 

@@ -10,7 +10,6 @@ from typing import Any
 from ambkit.base import escaping
 
 Step = Callable[..., None]  #: Called after each step, with a text on the next one.
-
 _LINES_APART = 5.0  # s between two lines
 _REDRAWN = 0.1  # s between two updates in a notebook; each one is a message to the browser
 

@@ -18,7 +18,6 @@ from ambkit.cli import catalogue
 from ambkit.cli.catalogue import Misused
 
 PLAIN = ("Document", "Statement", "Workbench")  #: Types of results without figures and details.
-
 OPERANDS = ("records", "name")  #: Optional parameters that are positional.
 
 REPEATED = " Repeatable."

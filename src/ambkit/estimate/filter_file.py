@@ -61,7 +61,6 @@ from ambkit.machine.magnets import MagnetModel, Precision
 Limit = Annotated[int, Field(ge=0, strict=True)]
 
 LISTS = ("scales",)  #: Options that hold several numbers.
-
 FORMAT = 1  #: Newest file format: written by this ambkit, and the newest that it reads.
 
 

@@ -44,7 +44,6 @@ def experts(path: Path, machine: Machine) -> MagnetModel:
 
 
 AT = "@"  #: Separator of a kind and the file of its magnet model, as in ``adaptive@expert.json``.
-
 PLUS = "+"  #: Separator of a kind and its synchronous states, as in ``linear+unbalance``.
 
 USUAL = ("linear", "adaptive", "closed-law")

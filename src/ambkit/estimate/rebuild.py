@@ -20,7 +20,6 @@ from ambkit.models.model import NUMBER, ONE, Pattern
 from ambkit.models.sampling import Kinds, Sampling
 
 Slot = tuple[str, int]  #: Destination of a number in C: array and index.
-
 OPERATIONS = ("+", "-", "*", "/")  #: In the order of ``amb_operation`` (``ambkit/rebuild.h``).
 
 

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 MOST_NODES = 32767  #: Maximum number of nodes, so that an index fits into an int with 16 bits.
 DEFAULT_SHARE = 0.001  #: Default bound, over the largest force.
-
 _MOST_ALONG = 512  # nodes along one axis
 _ACROSS = 65  # nodes on the other axis, while one axis is varied
 _WITHIN = 8  # points compared along a cell of that axis ...

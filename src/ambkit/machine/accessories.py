@@ -11,7 +11,6 @@ from ambkit.base.config.quantities import Quantity
 from ambkit.base.units import engineering
 
 LONGEST_DELAY = 16  #: Samples of the longest dead time of the loop (sim/parts.h).
-
 SHORTEST_LAG = 1e-3  #: Samples of the shortest lag that differs from none.
 
 

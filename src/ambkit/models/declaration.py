@@ -16,7 +16,6 @@ class Unit(float):
 
 
 UNIT: Final = Unit(1.0)  #: One by structure; 1.0 may be another number in another machine.
-
 Row = Mapping[str, float]  #: Coefficients by name; named ones are in the pattern, zero or not.
 Place = str | Row  #: A position of the rotor, or a combination of several.
 

@@ -21,7 +21,6 @@ from ambkit.result.row import Part, Stated
 from ambkit.result.tables import by_name, remarks
 
 INDENT = "\N{NO-BREAK SPACE}" * 3  #: Indentation of a figure that belongs to the previous one.
-
 Key = tuple[str, tuple[str, ...]]  #: Key of a table: its result, and its section.
 
 SIGNED = (

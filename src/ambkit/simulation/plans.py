@@ -77,7 +77,6 @@ def copied(estimator: Estimator) -> Estimator:
 Counts = NDArray[np.int64]
 
 LEAST = 50  #: Minimum number of samples after a step or a disturbance for its evaluation.
-
 MOST_PLANS = 4096  #: Maximum number of cached plans.
 
 

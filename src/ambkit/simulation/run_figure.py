@@ -18,7 +18,6 @@ from ambkit.result.report import Axis, Figure, Item, Line, Panel, Rule
 from ambkit.result.signal_styles import CURRENT, DISTURBANCE, NOISE, POSITION, TIME, VELOCITY
 
 TURNS = 5  #: Revolutions of an orbit in a dark colour, at the end of the run.
-
 AXES = ("first axis", "second axis")  #: Axes of a radial bearing.
 DISPLACEMENT = Axis("displacement", "µm", 1e6)
 _ACROSS = Axis("$x$, against gravity", "µm", 1e6), Axis("$y$", "µm", 1e6)

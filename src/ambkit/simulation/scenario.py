@@ -79,7 +79,6 @@ _LIST = Tag(ONE_OR_MORE[1])
 _ONE_OR_MORE = Discriminator(lambda raw_value: ONE_OR_MORE[isinstance(raw_value, list | tuple)])
 
 AXES = ("reference", "disturbance", "injection")  #: Signals of an axis.
-
 OF_MACHINE = frozenset({"speed", "off", "base"})  #: Keys of a machine with several axes.
 
 

@@ -50,11 +50,8 @@ in displacement, and the scatter of the points, whose prior is a tenth of the la
 """
 
 BEST = 1e-3  #: Minimum error of a point, over the law's error: limits the smoothness.
-
 MOST = 1000  #: Beyond this number, neighbouring points are averaged first: the effort is cubic.
-
 FITTED = 12  #: Minimum number of points for fitting magnet constant and air gap of the law.
-
 JUDGES = 200  #: Points for estimating the law's error and its correlation length.
 
 

@@ -21,7 +21,6 @@ from ambkit.machine.magnetostatics.iron import Curve
 from ambkit.machine.magnetostatics.magnet_map import VERSION, kept
 
 FREQUENCIES = np.geomspace(1.0, 1000.0, 7)  #: Frequencies of the fit [Hz].
-
 IN_SKIN = 1.5  #: Length of edges at the iron's surface, in skin depths at the highest frequency.
 
 

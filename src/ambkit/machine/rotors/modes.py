@@ -18,9 +18,7 @@ from ambkit.base.arrays import Array
 from ambkit.machine.rotors.beam import Matrices, shapes
 
 RANGE = 2000.0  #: Minimum upper end of ISO 14839-3's range [Hz]; else three times the speed.
-
 BEYOND = 1.15  #: Maximum speed of the comparison, over the machine's: overspeed test [1].
-
 SPARE = 1.25  #: Upper end of the retained modes, over the range: their tails reach into it [1].
 
 SHARP = 0.01
@@ -29,7 +27,6 @@ mode is damped, and near it the error of the sensitivity is a multiple of that o
 """
 
 STEPS = 3  #: Speeds at which whirls are compared: errors grow with the speed.
-
 STILL = 1e-6  #: Share of the first bending frequency below which a whirl is a rigid translation.
 
 

@@ -21,7 +21,6 @@ PARTS = (Rotor, MagnetForce, Disturbance, Sensor, Amplifier, Delay, *BEHIND_MAGN
 """In the order of their states; ``of`` selects what concerns the part from a machine."""
 
 SENSOR_NOISE: tuple[Any, ...] = (ColouredNoise, Hum)  #: Coloured; a filter may leave it out.
-
 ROTATION: tuple[Any, ...] = (SpeedError,)  #: For synchronous states that follow a measured angle.
 
 SYNCHRONOUS: dict[str, Any] = {"unbalance": SynchronousForce, "runout": SynchronousRunout}
