@@ -141,12 +141,10 @@ def motion(
     rng, p, s = np.random.default_rng(seed), len(model.forces), axes_settings(model)
     at = {role: [i for i, x in enumerate(model.states) if x.role == role]
           for role in ("position", "velocity", "disturbance force")}  # fmt: skip
-    k, law, wanted, mass = (
-        ConstantStiffness.of(BEARING),
-        ClosedLaw(BEARING),
-        200.0,
-        BEARING.rotor.mass,
-    )
+    k = ConstantStiffness.of(BEARING)
+    law = ClosedLaw(BEARING)
+    wanted = 200.0
+    mass = BEARING.rotor.mass
     kp, kd = (k.k_s + mass * wanted**2) / k.k_i, 1.4 * wanted * mass / k.k_i
     swing = np.zeros(p) if swing is None else swing
     load = np.zeros(p) if load is None else load

@@ -208,10 +208,8 @@ def test_an_axis_keeps_its_limits_beside_the_others(call):
     words = ("tum_mlps", "--axis", "A1", "--duration", "0.3 s", "--band", "16 Hz,500 Hz")
     assert call("excite", *words, "--out", "e.csv").code == 0
     call("simulate", "tum_mlps", "--signal", "e.csv", "--out", "run.csv")
-    record, limits = (
-        Record.load("run.csv"),
-        Limits.of(Machine.preset("tum_mlps").isolated_axis("A1")),
-    )
+    record = Record.load("run.csv")
+    limits = Limits.of(Machine.preset("tum_mlps").isolated_axis("A1"))
     used = np.abs(record["iu_A1"]).max() / limits.current
     used = max(used, np.abs(record["s_A1"]).max() / limits.displacement)
     assert 0.8 < used <= 1

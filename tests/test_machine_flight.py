@@ -200,10 +200,8 @@ def test_a_delay_acts_as_late_as_it_says():
         late = machine(delay=delay)
         force = {"axis": "A1", "force": Step(amplitude=40.0, time=0.01)}
         run = simulate_run(late, Scenario(duration=0.1, noise=False, disturbance=[force]))
-        demand, current = (
-            run.record["u_A1"] * late.axes[0].bearing.amplifier.gain,
-            run.record["iu_A1"],
-        )
+        demand = run.record["u_A1"] * late.axes[0].bearing.amplifier.gain
+        current = run.record["iu_A1"]
         behind = int(np.ceil(delay / late.sampling_time - 1e-9))
         np.testing.assert_allclose(current[behind:], demand[: len(demand) - behind], rtol=1e-12)
         assert run.samples_at_the_stop == 0

@@ -125,10 +125,8 @@ def test_the_general_limit_is_that_of_the_papers_axis():
 
     record = flown(BEARING, 0, 0.2)
     variances = ambkit.KalmanFilter(BEARING).variances
-    held, exact = (
-        bound._along(machine_model(BEARING), BEARING, record, variances),
-        bound._held(BEARING, record, variances),
-    )
+    held = bound._along(machine_model(BEARING), BEARING, record, variances)
+    exact = bound._held(BEARING, record, variances)
     unit = np.array(ambkit.KalmanFilter(BEARING).default_std())
     for F in (held[0], exact[0]):
         F *= unit / unit[:, None]

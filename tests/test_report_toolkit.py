@@ -641,11 +641,9 @@ def test_lines_that_would_lose_what_is_seen_keep_it():
     x = np.linspace(1.0, 2.0, 500)
     spike = x.copy()
     spike[100] = 1e6
-    small, log, near = (
-        np.geomspace(1e-12, 1.0, 500),
-        Axis("y", scale="log"),
-        Axis("y", limits=(0, 3)),
-    )
+    small = np.geomspace(1e-12, 1.0, 500)
+    log = Axis("y", scale="log")
+    near = Axis("y", limits=(0, 3))
     for axis, y, error in ((Axis("y"), x, 5e-6), (log, small, 5e-6), (near, spike, 5e-6)):
         figure = Figure("a", "", "", [Panel(Axis("x"), axis, [Line(x, y)])])
         (line,) = json.loads(screen.to_json(screen.described(figure)))["data"]

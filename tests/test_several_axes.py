@@ -243,11 +243,9 @@ def test_noise_is_found_of_each_sensor_and_each_load(seed, window):
                 continue
         found = dense.var_y * (1 + share * (e**2 / S - 1))
         dense.var_y = np.clip(found, R / most, R * most)
-        c, expected, samples = (
-            c + X[loads] - before,
-            expected + variances - np.diag(P)[loads],
-            (samples + 1),
-        )
+        c = c + X[loads] - before
+        expected = expected + variances - np.diag(P)[loads]
+        samples = samples + 1
         if samples == window:
             for source, on in enumerate(drives):
                 if expected[on].sum() > 0:

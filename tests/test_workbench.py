@@ -369,10 +369,8 @@ def test_files_are_taken_and_refused(page, tmp_path):
     (tmp_path / "mine.toml").write_text(text)
     page.set_input_files("#open", tmp_path / "mine.toml")
     page.wait_for_function("() => workbench.settings.machine.name.includes('mine')")
-    told, own = (
-        page.evaluate("workbench.settings.p"),
-        axis_parameters(Machine.preset("inteco_ml")),
-    )
+    told = page.evaluate("workbench.settings.p")
+    own = axis_parameters(Machine.preset("inteco_ml"))
     gains = ("kp", "ki", "kd", "T_f", "T_t", "weight", "feedback")
     assert {k: v for k, v in told.items() if k not in gains} == pytest.approx(
         {k: v for k, v in own.items() if k not in gains}, rel=1e-12

@@ -135,9 +135,7 @@ class Candidates:
         """Return the PIDs that are tuned to axes or coordinates alone."""
         if control.type == "decentralised":
             parts = zip(self.machine.axes, map(PID.for_bearing, self.plant.isolated), strict=True)
-            return {
-                axis.name: PID(**{key: getattr(pid, key) for key in GAINS}) for axis, pid in parts
-            }
+            return {a.name: PID(**{key: getattr(pid, key) for key in GAINS}) for a, pid in parts}
         control_law = controllers_of(self.plant, control, None)
         gains = zip(control_law.names, control_law.pids, strict=True)
         return {
@@ -149,9 +147,7 @@ class Candidates:
         """Whether gyroscopics act on an axis or a coordinate."""
         if control.type != "decentralised":
             return name.startswith("th")
-        return any(
-            axis.name == name and axis.bearing.type == "radial" for axis in self.machine.axes
-        )
+        return any(a.name == name and a.bearing.type == "radial" for a in self.machine.axes)
 
     def peaks(self, control: Control, feedback: Feedback) -> Candidate:
         """Return the margins of controllers over the speeds."""

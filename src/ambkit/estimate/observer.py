@@ -160,10 +160,8 @@ class ExtendedStateObserver(_Observer):
             return result
 
         if self.bandwidth is None:
-            k, pole = (
-                [state.role for state in states].index("position"),
-                unstable_pole(self.machine),
-            )
+            k = [state.role for state in states].index("position")
+            pole = unstable_pole(self.machine)
 
             def error(bandwidth: float) -> float:
                 return float(_steady(model, gain(bandwidth))[0][k, k])

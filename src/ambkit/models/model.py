@@ -100,10 +100,8 @@ class Model:
             raise ValueError(f"name must be an identifier of C, is {self.name!r}")
         patterns = {}
         for name in MATRICES:
-            values, pattern = (
-                np.array(getattr(self, name), float),
-                np.array(self.pattern[name], np.int8),
-            )
+            values = np.array(getattr(self, name), float)
+            pattern = np.array(self.pattern[name], np.int8)
             shape = tuple(len(getattr(self, of)) for of in MATRICES[name])
             if not values.shape == pattern.shape == shape:
                 raise ValueError(

@@ -33,9 +33,7 @@ SIGNED = (
 def write_result(results: Sequence[Stated], path: str | os.PathLike[str]) -> None:
     """Write results on one page, with title and facts of the first."""
     first, signed = results[0], any(result.signed for result in results)
-    notes = "\n".join(
-        f"- {markdown(typeset(note))}" for result in results for note in remarks(result)
-    )
+    notes = "\n".join(f"- {markdown(typeset(note))}" for one in results for note in remarks(one))
     blocks = {key: of for result in results for key, of in _blocks(result).items()}
     parts = [_chapter(part, blocks) for result in results for part in result.chapters]
     figure_ids = {

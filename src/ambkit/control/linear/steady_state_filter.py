@@ -72,11 +72,9 @@ def _assembled(
         K = gain[:, None]
     else:
         K, state_indices = _settled(estimator, estimator.linear_model(*origin))
-        A, B, H = (
-            A[..., state_indices, :][..., state_indices],
-            B[..., state_indices, :],
-            H[:, state_indices],
-        )
+        A = A[..., state_indices, :][..., state_indices]
+        B = B[..., state_indices, :]
+        H = H[:, state_indices]
         states = tuple(states[k] for k in state_indices)
     left = np.eye(len(states)) - K @ H
     axes = [axis.name for axis in estimator.machine.axes]

@@ -103,11 +103,9 @@ class Heatmap(Item):
 
     def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
         (low, high), levels = self.shown_limits, self.levels
-        at, up, value = (
-            panel.x.hover_format("x"),
-            panel.y.hover_format("y"),
-            self.bar.hover_format("z"),
-        )
+        at = panel.x.hover_format("x")
+        up = panel.y.hover_format("y")
+        value = self.bar.hover_format("z")
         title = {"text": label_html(self.bar.title), "side": "right", "font": {"size": 13}}
         return [{
             "type": "contour", "x": panel.x.numbers(self.x), "y": panel.y.numbers(self.y),
