@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,10 +14,8 @@ from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimator import Arguments, Estimator
 from ambkit.estimate.observer import unstable_pole
 from ambkit.machine.axes import bias_forces, ideal_laws
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
 
 
 class AugmentedKalmanFilter(Estimator):

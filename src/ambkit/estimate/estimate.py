@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +22,6 @@ from ambkit.result.card import SPAN, Card, spread
 from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel
 from ambkit.result.showing import Shown
 from ambkit.result.signal_styles import CURRENT, DISTURBANCE, POSITION, TIME, VELOCITY
-
-if TYPE_CHECKING:
-    from ambkit.result.card import Card
-
 
 UNITS = {"k_i": "N/A", "k_s": "N/m", "innovation": "m", "innovation_variance": "m^2", "status": "1"}
 

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import Any, Literal, Self
 
 from ambkit.base import late_binding
 from ambkit.base.pickling import Copyable
@@ -23,11 +23,8 @@ from ambkit.machine.magnets import MagnetModel, Precision
 from ambkit.models.declaration import Part
 from ambkit.models.linear import LinearSystem
 from ambkit.models.machine_parts import machine_parts
+from ambkit.result.card import Card
 from ambkit.result.showing import Described
-
-if TYPE_CHECKING:
-    from ambkit.result.card import Card
-
 
 #: Arguments of a kind's class in the core, and those by name.
 Arguments = tuple[Sequence[Any], dict[str, Any]]
@@ -164,8 +161,6 @@ class Estimator(AlongRecords, Described, Copyable):
         return f"<{type(self).__name__} of {self.machine.name}>"
 
     def _card(self) -> Card:
-        from ambkit.result.card import Card
-
         rows = [(state.name, state.role, state.unit) for state in self.states]
         title = f"{type(self).__name__} of {self.machine.name}"
         return Card(title, rows, None, ["state", "role", "unit"])

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimator import Arguments, Estimator
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, core_module
 from ambkit.models.linear import LinearSystem, Signal
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
 
 
 class LowPass(Estimator):

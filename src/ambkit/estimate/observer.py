@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,15 +15,12 @@ from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimator import Arguments, Estimator
 from ambkit.estimate.noise_model import VERY_COARSE, LinearModel, held_rounding
 from ambkit.machine.axes import isolated_axes
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel
 from ambkit.models import compose
 from ambkit.models.machine_parts import machine_parts
 from ambkit.models.model import Descriptor, Model
 from ambkit.models.parts.line_noise import Hum
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
-
 
 FAST_SENSOR = 0.05
 """Transition of a sensor over a sample below which it counts as one without lag."""

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimator import Arguments, Estimator
 from ambkit.machine.axes import ideal_laws
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
 
 
 class UnscentedKalmanFilter(Estimator):

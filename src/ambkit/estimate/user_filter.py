@@ -5,25 +5,22 @@ from __future__ import annotations
 import math
 import weakref
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeGuard, runtime_checkable
+from typing import Any, Literal, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.own_class import OwnStep, made
 from ambkit.data.signals import signal
+from ambkit.estimate.core_model import Engine
+from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimator import Arguments, Estimator
 from ambkit.estimate.machine_model import several
 from ambkit.machine.axes import slowest_time
+from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import Precision
 from ambkit.models.linear import LinearSystem, Signal, realised
 from ambkit.models.parts.free import plain_parts
-
-if TYPE_CHECKING:
-    from ambkit.estimate.core_model import Engine
-    from ambkit.estimate.estimate import Estimate
-    from ambkit.machine.machine import Machine
-    from ambkit.machine.magnets import Precision
-
 
 SETTLES = 2000  #: Minimum number of samples after which an estimator has settled.
 BLOCKS = 150  #: Samples of the response for the identification of a linear system.

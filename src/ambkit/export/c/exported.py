@@ -1,31 +1,26 @@
 """An export to C with derived data: magnets, model, and files of the core."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit._core import Magnet
 from ambkit.base.arrays import Array
+from ambkit.control.controller_states import Controller
+from ambkit.data.input_scaling import Scaling
 from ambkit.estimate.angle import angle_settings
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import PAPER, CoreKernel
 from ambkit.export import core_sources
 from ambkit.export.c import c_literals, calibration, control, controller_test_cases, model, rebuilt
 from ambkit.export.c.c_literals import Constants, CPrecision, Crc, Kind, Name
+from ambkit.judge.isolation.diagnosis import Distinction
 from ambkit.machine.accessories import SENSORS
 from ambkit.machine.magnets import core_module
-
-if TYPE_CHECKING:
-    from ambkit._core import Magnet
-    from ambkit.control.controller_states import Controller
-    from ambkit.data.input_scaling import Scaling
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.judge.isolation.diagnosis import Distinction
-    from ambkit.simulation.scenario import Scenario
-
+from ambkit.simulation.scenario import Scenario
 
 _ISOLATION = (
     "src/isolation.c", "src/isolation_sweep.c", "src/isolation_replay.c", "src/isolation_search.c",

@@ -4,25 +4,20 @@ Each begins with a start. Together they cover the range of displacement and curr
 inputs, and all flags of a step; ``vectors.Coverage`` reports what was reached.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ambkit._core import Magnet
 from ambkit.base.arrays import Array, Bools
 from ambkit.control.control import Control
 from ambkit.estimate.estimate import Status
+from ambkit.estimate.estimator import Estimator
 from ambkit.machine.parts import GRAVITY
 from ambkit.simulation.run import simulate
 from ambkit.simulation.scenario import Disturbance, Scenario
 from ambkit.simulation.waveforms import Step
-
-if TYPE_CHECKING:
-    from ambkit._core import Magnet
-    from ambkit.estimate.estimator import Estimator
-
 
 FLIGHT = 130  #: Samples of a run that a controller flies.
 LONGEST_OUTAGE = 400

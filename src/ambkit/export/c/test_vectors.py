@@ -1,21 +1,17 @@
 """The self-test's samples, and what Python's filter says of them: all that an export puts out."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit._core import Magnet
 from ambkit.base.arrays import Array, Bools
 from ambkit.estimate.estimate import Status
+from ambkit.estimate.estimator import Estimator
 from ambkit.export.c import c_literals, filter_test_cases
 from ambkit.export.c.c_literals import CPrecision
-
-if TYPE_CHECKING:
-    from ambkit._core import Magnet
-    from ambkit.estimate.estimator import Estimator
 
 _UNUSED = int(Status.MISSING | Status.FROZEN | Status.OUTLIER)
 _UNSURE = int(Status.HELD | Status.RESTARTED | Status.BAD_PARAMETER)

@@ -16,7 +16,7 @@ its search uses all points: 31 s for 1000 points (7 s on one thread), here 0.3 s
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,14 +24,11 @@ from numpy.typing import ArrayLike
 from ambkit.base.arrays import Array, real
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
+from ambkit.machine.force_law import IsolatedAxis, Law
 from ambkit.machine.forces.fitted_law import fitted_law
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.patches import PatchedForce
 from ambkit.machine.laws import law_of
-
-if TYPE_CHECKING:
-    from ambkit.machine.force_law import IsolatedAxis, Law
-
 
 LAW_SHARE, LEAST_SHARE = 0.2, 0.05
 """Prior and minimum error of a law, over the spread of its force. Points that agree with it do not
