@@ -8,8 +8,7 @@ from iron import IDEAL, TWO_SIDED
 from ambkit import Machine, magnet_of
 
 CURRENTS, DISPLACEMENTS = np.linspace(-2.5, 2.5, 21), np.linspace(-0.25e-3, 0.25e-3, 15)
-LARGEST = 603.0
-"""Root mean square of the force [N], that of the map of the issue."""
+LARGEST = 603.0  # Root mean square of the force [N], that of the map of the issue.
 
 _RAW = magnet_of(
     TWO_SIDED.replace(magnet__saturation=1.1, magnet__pole_area="1450 mm^2", rotor__mass=20.0)

@@ -55,8 +55,7 @@ int main(void)
   return 0;
 }}
 """
-SECONDS = 3
-"""A mutant that takes longer hangs, and a watchdog would see it."""
+SECONDS = 3  # A mutant that takes longer hangs, and a watchdog would see it.
 
 
 class Mutant(NamedTuple):

@@ -16,8 +16,7 @@ from scipy.linalg import expm
 from ambkit import Machine
 
 Array = NDArray[np.float64]
-Settings = dict[str, Any]
-"""Settings of a filter, by the names of ``amb_kalman_settings``, SI."""
+Settings = dict[str, Any]  # Settings of a filter, by the names of ``amb_kalman_settings``, SI.
 
 
 def settings_of(bearing: Machine, **changes: float) -> Settings:

@@ -19,8 +19,7 @@ RECORD = ambkit.simulate(
         disturbance=ambkit.Sine(amplitude=2.0, frequency=3.0),
     ),
 ).record
-START = 3000
-"""Sample at which the trouble begins."""
+START = 3000  # Sample at which the trouble begins.
 
 MAGNETS = {"linear": None, "closed law": ClosedLaw(BEARING)}
 every_filter = pytest.mark.parametrize(

@@ -80,8 +80,7 @@ FAULTS = {
     "infinite control": Fault(100, None, lambda u: -np.inf, Status.BAD_CONTROL),
     "missing control": Fault(100, None, lambda u: np.nan, Status.BAD_CONTROL),
 }
-RECOVERED = 2000
-"""Samples after a fault, 0.2 s, by when every kind has forgotten it."""
+RECOVERED = 2000  # Samples after a fault, 0.2 s, by when every kind has forgotten it.
 
 
 @kinds

@@ -30,8 +30,7 @@ FLOWN = {
     "late": ("compressor", None),
 }
 """Machines by what flies them; the last one has slow amplifiers and delays."""
-SAMPLE = 60
-"""Mutants, which are judged in minutes; ``tests/mutants.py --machine`` judges all."""
+SAMPLE = 60  # Mutants, which are judged in minutes; ``tests/mutants.py --machine`` judges all.
 
 
 @pytest.fixture(scope="module")

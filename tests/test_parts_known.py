@@ -25,8 +25,7 @@ PARTS = {
     "coloured noise": {"sensor__coloured_noise": {"variance": "400 um^2", "bandwidth": "100 Hz"}},
     "hum": {"sensor__hum": [{"frequency": "50 Hz", "amplitude": "30 um", "bandwidth": "0.5 Hz"}]},
 }
-MADE = [name for name in KINDS if KINDS[name].magnet is not None]
-"""Those that need no training."""
+MADE = [name for name in KINDS if KINDS[name].magnet is not None]  # Those that need no training.
 EVERY = {key: value for of in PARTS.values() for key, value in of.items()}
 
 GAINED = {"amplifier": (0.7, 0.25), "delay": (1.0, 0.85), "coloured noise": (0.95, 0.4),

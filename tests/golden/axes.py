@@ -70,8 +70,7 @@ PLANTS = AXES | {
     ),
     "soft stop": PAPER.replace(stop={"stiffness": "1e8 N/m^1.5", "damping": "0.3 s/m"}),
 }
-HIT = ("paper", "soft stop")
-"""Where the rotor is also thrown at its stop."""
+HIT = ("paper", "soft stop")  # Where the rotor is also thrown at its stop.
 
 
 def record_of(axis: ambkit.Machine, n: int = 1200) -> ambkit.Record:
