@@ -1,5 +1,7 @@
 """Commands made from verbs."""
 
+from __future__ import annotations  # a verb's annotations are read as text
+
 import inspect
 import re
 import shlex
