@@ -5,6 +5,7 @@ import pytest
 
 import ambkit
 from ambkit import Adaline, Machine, Record, Scenario
+from ambkit.identification.online.magnet_constant import RecursiveLeastSquares
 
 BEARING = Machine.preset("zittau_axial")
 K = BEARING.magnet.magnet_constant
@@ -73,17 +74,6 @@ def test_one_sided_magnets_too():
 
 
 # ---- holding still ----
-
-
-def test_where_nothing_moves_and_nothing_pulls_k_is_held():
-    """A horizontal rotor at rest: no force, so nothing to learn from, noise or not."""
-    horizontal = BEARING.replace(rotor__gravity="none")
-    for noise in (False, True):
-        rest = Scenario(duration=0.5, noise=noise)
-        result = learned(rest, known=horizontal, bearing=horizontal)
-        assert result.held.all()
-        assert (result.k == 1.5 * K).all()
-        assert result.excitation.max() < 0.01
 
 
 def test_excitation_says_how_much_there_is_to_learn_from():
@@ -161,27 +151,36 @@ def test_a_bad_control_signal_teaches_nothing(bad):
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "told"),
+    ("learner", "name", "value", "told"),
     [
-        ("rate_force", 0.0, "rate_force must be greater than 0 and less than 2, got 0.0"),
-        ("rate_k", 2.0, "rate_k must be greater than 0 and less than 2, got 2.0"),
-        ("rate_k", np.nan, "rate_k must be .* got nan"),
-        ("bandwidth", 5001.0, "bandwidth must be .* 5000 Hz, got 5001.0"),
-        ("start", np.nan, "start must be greater than 0 N m.* got nan"),
-        ("start", 0.0, "start must be greater than 0"),
-        ("least_excitation", -0.1, "least_excitation must be 0 or greater, got -0.1"),
-        ("bandwidth", -1.0, "bandwidth must be greater than 0"),
+        (Adaline, "rate_force", 0.0, "rate_force must be .* 0 and less than 2, got 0.0"),
+        (Adaline, "rate_k", 2.0, "rate_k must be greater than 0 and less than 2, got 2.0"),
+        (Adaline, "rate_k", np.nan, "rate_k must be .* got nan"),
+        (Adaline, "bandwidth", 5001.0, "bandwidth must be .* 5000 Hz, got 5001.0"),
+        (Adaline, "start", np.nan, "start must be greater than 0 N m.* got nan"),
+        (Adaline, "least_excitation", -0.1, "least_excitation must be 0 or greater, got -0.1"),
+        (Adaline, "bandwidth", -1.0, "bandwidth must be greater than 0"),
+        (RecursiveLeastSquares, "forgetting", 1.0, "forgetting must be .* less than 1, got 1.0"),
+        (RecursiveLeastSquares, "forgetting", np.nan, "forgetting must be"),
+        (RecursiveLeastSquares, "load", "some", "load must be 'unknown' or 'known', got 'some'"),
+        (RecursiveLeastSquares, "start", -1.0, "start must be greater than 0"),
+        (RecursiveLeastSquares, "rate_force", 0.0, "rate_force must be"),
     ],
 )
-def test_arguments_outside_their_range_are_told(name, value, told):
+def test_arguments_outside_their_range_are_told(learner, name, value, told):
     with pytest.raises(ValueError, match=told):
-        Adaline(BEARING, **{name: value})
+        learner(BEARING, **{name: value})
 
 
-def test_steps_are_the_run():
-    record = ambkit.simulate(BEARING, STEP.replace(duration=0.05, noise=True)).record
-    run = Adaline(BEARING, start=0.5 * K).run(record)
-    element = Adaline(BEARING, start=0.5 * K)
-    u = np.concatenate([record["u"][:1], record["u"][:-1]])
-    steps = [element.step(*at) for at in zip(record["y"], u, strict=True)]
+@pytest.mark.parametrize("learner", [Adaline, RecursiveLeastSquares])
+def test_steps_are_the_run_and_bad_samples_teach_nothing(learner):
+    record = ambkit.simulate(BEARING, STEP.replace(duration=0.1, noise=True)).record
+    y, u = record["y"].copy(), record["u"].copy()
+    y[500:520] = np.nan
+    run = learner(BEARING, start=0.5 * K).run(Record(record.t, {"y": y, "u": u}))
+    element = learner(BEARING, start=0.5 * K)
+    steps = [element.step(*at) for at in zip(y, np.append(u[:1], u[:-1]), strict=True)]
     assert (run.k == steps).all()
+    assert run.held[500:520].all()
+    assert (run.k[500:520] == run.k[499]).all()
+    assert np.isfinite(run.k).all()

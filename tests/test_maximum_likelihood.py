@@ -15,7 +15,18 @@ from iron import TWO_SIDED
 from quick import quick
 from scipy.optimize import minimize_scalar
 
-from ambkit import PID, AmbkitError, ClosedLaw, Machine, Record, Scenario, Sine, Step, simulate
+from ambkit import (
+    PID,
+    AmbkitError,
+    ClosedLaw,
+    Machine,
+    Record,
+    Recorded,
+    Scenario,
+    Sine,
+    Step,
+    simulate,
+)
 from ambkit.base.units import engineering
 from ambkit.data import recordings
 from ambkit.identification.dead_time import delayed, lagged, limited
@@ -219,6 +230,33 @@ def test_what_two_stiffnesses_do_not_tell_is_in_the_errors():
     # Taken for known, the offset makes the others look far surer than they are.
     assert found.standard_error("air_gap") > 2 * two.standard_error("air_gap")
     assert found.standard_error("air_gap") > 0.4e-3  # 13 mm for each ampere
+
+
+def test_a_zero_that_small_motion_does_not_tell_is_in_the_errors():
+    """Held as if it were known, it made k and the gap look surer by a third."""
+    b = Machine.preset("zittau_axial")
+    rng = np.random.default_rng([900, 3])
+    zero = 0.1 * b.clearance * rng.normal()
+    t = b.sampling_time * np.arange(5000)
+    jumps = 3e-5 * np.repeat(2.0 * rng.integers(0, 2, 63) - 1, 80)[: t.size]
+    scenario = Scenario(duration=t[-1], seed=900, reference=Recorded.of(t, jumps))
+    made = simulate(b, scenario).record
+    record = Record(t, {"y": made["y"] + zero, "u": made["u"]})
+    free = ["magnet_constant", "air_gap", "position_offset", "measurement_noise",
+            "disturbance_noise"]  # fmt: skip
+    found = maximum_likelihood(record, LoopModel(b, disturbance_noise=0.1), free, profile=False)
+    assert "position_offset" not in found.held
+    assert found.standard_error("position_offset") == pytest.approx(0.1 * b.clearance, rel=0.05)
+    assert any(
+        note.startswith("position offset has a prior of 0 m ± 0.1 mm") for note in found.notes
+    )
+    known = maximum_likelihood(
+        record, LoopModel(b, disturbance_noise=0.1),
+        [name for name in free if name != "position_offset"], profile=False,
+    )  # fmt: skip
+    for name, true in (("magnet_constant", b.magnet.magnet_constant), ("air_gap", 2e-3)):
+        assert abs(np.log(found[name] / true)) < 3 * found.standard_error(name) / true
+        assert found.standard_error(name) > 1.2 * known.standard_error(name)
 
 
 def test_noises_are_where_the_restricted_likelihood_is_greatest(records):

@@ -94,6 +94,7 @@ def test_without_a_weight_nobody_learns_at_rest():
     assert all(result.held.all() for result in learned.results.values())
     assert all((result.k == START).all() for result in learned.results.values())
     assert all(math.isnan(result.standard_error) for result in learned.results.values())
+    assert learned.results["adaline"].excitation.max() < 0.01
     assert learned.agreement.startswith("Nobody learned: too little excitation")
     with pytest.raises(AmbkitError, match="nowhere distinguishable from a load: excite the rotor"):
         ambkit.identify_online(
@@ -104,6 +105,8 @@ def test_without_a_weight_nobody_learns_at_rest():
 def test_a_load_that_is_not_told_leads_only_adaline_astray():
     learned = compare_online(moved(load=3.0), BEARING, start=START)
     assert learned.agree("rls", "augmented")
+    assert learned.results["rls"].magnet_constant == pytest.approx(K, rel=0.015)
+    assert learned.results["rls"].load[-1000:].mean() == pytest.approx(3.0, abs=0.2)
     assert "the k of ADALINE is" in learned.agreement
     assert any("one of 3 N: state a known force by --disturbance" in n for n in learned.notes)
     told = compare_online(moved(load=3.0), BEARING, start=START, disturbance=3.0)

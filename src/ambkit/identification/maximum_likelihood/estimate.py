@@ -43,6 +43,7 @@ from ambkit.identification.maximum_likelihood.parameters import (
     identifiable,
     named,
     priors_of,
+    zero_prior,
 )
 from ambkit.identification.maximum_likelihood.result import CONFIDENCE, MaximumLikelihood
 from ambkit.identification.noise import position_step
@@ -164,11 +165,15 @@ class _Search:
             if worst is None:
                 return result, parameters, held
             parameter, why = worst
+            if prior := zero_prior(self.nominal.replace(known=begin.known), parameter.name):
+                begin = begin.replace(known={**begin.known, **prior})
+                continue
             parameters = [p for p in parameters if p is not parameter]
             from_start = begin if ALIKE in why or ascent.WALL in why else None
             begin, at = ascent.fix(
-                self.data, result, parameter, parameters, self.nominal, from_start
-            )
+                self.data, result, parameter, parameters, self.nominal, from_start,
+                self.initial.replace(known=begin.known),
+            )  # fmt: skip
             held[parameter.name] = f"{why}; held at {at}"
             if not parameters:
                 raise AmbkitError(

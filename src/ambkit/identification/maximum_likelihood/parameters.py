@@ -126,6 +126,18 @@ def priors_of(model: LoopModel) -> dict[str, tuple[float, float]]:
     } | dict(model.known)
 
 
+ZERO_SHARE = 0.1
+"""Default uncertainty of a position sensor's zero, set between the stops, over the clearance."""
+
+
+def zero_prior(model: LoopModel, name: str) -> dict[str, tuple[float, float]]:
+    """Return the prior of a zero that records do not determine; empty for other parameters."""
+    # Held, as if it were known, it would make the errors of all others too small.
+    if name != "position_offset" or name in model.known:
+        return {}
+    return {name: (model.position_offset, ZERO_SHARE * model.isolated.clearance)}
+
+
 def log_prior(model: LoopModel) -> float:
     """Return the log prior density of a model's parameters, up to a constant."""
     return sum(

@@ -137,6 +137,7 @@ def fix(
     rest: list[Parameter],
     initial_model: LoopModel,
     ran_from: LoopModel | None,
+    fallback: LoopModel | None = None,
 ) -> tuple[LoopModel, str]:
     """Return the model with a parameter at the user's value, and that value in words."""
     # The value from the search means little. But if the given value is far less likely, for any
@@ -145,7 +146,12 @@ def fix(
     # to a limit: it is reset in any case, and the rest is also searched from `ran_from`, the start
     # of this search.
     value = parameter.of(initial_model)
-    model = _with(result.model, parameter, value, rest)
+    try:
+        model = _with(result.model, parameter, value, rest)
+    except ConfigError:  # the search ended where no rotor levitates with this value
+        if fallback is None:
+            raise
+        model = ran_from = fallback.replace(**{parameter.place: value})
     if rest:
         begins = [model]
         if ran_from is not None:
