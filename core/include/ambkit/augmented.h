@@ -10,8 +10,8 @@
  * augmented covariance is P + s p s', s p, p. So P stays as well-conditioned as without theta, p
  * stays positive, and with theta held the filter is the plain extended one, to the last bit.
  *
- * Held it is where k and a load cannot be told apart (ambkit/excitation.h), and the step says
- * AMB_UNEXCITED.
+ * While k and a disturbance force cannot be distinguished (ambkit/excitation.h), theta is held, and
+ * the step returns AMB_UNEXCITED.
  */
 #ifndef AMBKIT_AUGMENTED_H
 #define AMBKIT_AUGMENTED_H

@@ -43,7 +43,7 @@ def progress(
         redraw()
 
         def tell(text: str = "", steps: int = 1) -> None:
-            rate_text = rate.told(steps, total, begun)
+            rate_text = rate.text(steps, total, begun)
             description = escaping.one_line(text or what)
             bar.update(task, advance=steps, description=description, rate=rate_text)
             redraw()
@@ -57,7 +57,7 @@ class Rate:
     def __init__(self, unit: str) -> None:
         self.unit, self.start, self.done = unit, time.monotonic(), 0
 
-    def told(self, steps: int, total: int | None, begun: int = 0) -> str:
+    def text(self, steps: int, total: int | None, begun: int = 0) -> str:
         """Count steps, and return their number, rate and remaining time in words."""
         self.done += steps
         rate = self.done / max(time.monotonic() - self.start, 1e-9)
@@ -93,7 +93,7 @@ def _in_lines(what: str, total: int | None, unit: str, begun: int) -> Step:
     def tell(text: str = "", steps: int = 1) -> None:
         nonlocal last
         with lock:
-            rate_text = rate.told(steps, total, begun) if unit else ""
+            rate_text = rate.text(steps, total, begun) if unit else ""
             if time.monotonic() - last < _LINES_APART:
                 return
             last = time.monotonic()

@@ -16,7 +16,7 @@ from ambkit.campaigns.results import Machines, Share, StoppingRule, Worst
 from ambkit.campaigns.sobol_indices import Indices, indices
 from ambkit.campaigns.store import Folder
 from ambkit.campaigns.study_tables import UNITS
-from ambkit.campaigns.subset_simulation import told
+from ambkit.campaigns.subset_simulation import results_text
 from ambkit.campaigns.worker import compute
 from ambkit.data.record import Record
 from ambkit.machine.machine import Machine
@@ -247,7 +247,7 @@ class Campaign(Result, Machines):
             else "Every machine passes: the study has no criterion."
         )
         about = self.plan.study.description
-        return [*([about] if about else []), good, *told(self.folder)]
+        return [*([about] if about else []), good, *results_text(self.folder)]
 
     @property
     def series(self) -> dict[str, Any]:

@@ -204,15 +204,15 @@ def _here(
 ) -> Iterator[tuple[int, Rows]]:
     for part in parts:
         first, stop = plan.span(part)
-        told = 0
+        counted = 0
 
         def count(runs: int) -> None:
-            nonlocal told
-            told += runs
+            nonlocal counted
+            counted += runs
             tell("", steps=runs)
 
         rows = compute(plan, first, stop, threads=threads, done=count)
-        tell("", steps=stop - first - told)  # impossible machines
+        tell("", steps=stop - first - counted)  # impossible machines
         yield part, rows
 
 

@@ -252,7 +252,7 @@ def rare_in_folder(
     return Statement(sentence(figure, limit, result), data)
 
 
-def told(folder: Path) -> list[str]:
+def results_text(folder: Path) -> list[str]:
     """Return the results of rare failures, in sentences."""
     results = []
     for path in sorted(folder.glob("rare-*.json")):

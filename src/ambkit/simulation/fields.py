@@ -71,7 +71,7 @@ class StraightLine:
             "pid": gains_of(pid, machine.sampling_time, machine.current_min, machine.current_max),
             "feedback_estimate": pid.feedback == "estimate",
         }  # fmt: skip
-        told: dict[str, Any] = {
+        result: dict[str, Any] = {
             "loop": loop, "place": self.place if elsewhere is None else elsewhere,
             "current": self.current,
             "integral": self.held / gain_at_rest(sections_of(pid.block, machine.sampling_time))
@@ -81,14 +81,14 @@ class StraightLine:
         if estimator is not None and (sequence is not None or pid.needs_estimate):
             # It divides by the nominal amplifier gain rather than the plant's.
             known = relative_gains(estimator.view.machine, machine)
-            whole = Controller.of_axis(machine, estimator, pid, sequence)
-            whole = replace(whole, law=whole.law.scaled(known))
-            integral = whole.integral(float(known[0]) * self.held, self.held_at)
-            told |= {"control": whole.in_core(), "integral": integral}
+            controller = Controller.of_axis(machine, estimator, pid, sequence)
+            controller = replace(controller, law=controller.law.scaled(known))
+            integral = controller.integral(float(known[0]) * self.held, self.held_at)
+            result |= {"control": controller.in_core(), "integral": integral}
             if sequence is not None and self.scenario.start != "levitated":
-                told |= {"hovers": False, "current": 0.0}
+                result |= {"hovers": False, "current": 0.0}
         numbers = ("place", "current", "integral")
-        return told | {name: np.array([told[name]], precision) for name in numbers}
+        return result | {name: np.array([result[name]], precision) for name in numbers}
 
 
 class InLoops:
@@ -151,11 +151,11 @@ class InLoops:
             rigid = len(machine.rigid_coordinates)
             start["place"] = np.zeros(len(self.place))
             start["place"][:rigid] = np.linalg.pinv(self.plant.H[:, :rigid]) @ elsewhere
-        told: dict[str, Any] = {k: np.ascontiguousarray(v, precision) for k, v in start.items()}
+        result: dict[str, Any] = {k: np.ascontiguousarray(v, precision) for k, v in start.items()}
         if scenario.sequence is not None and estimator is not None:
             fed = self.fed is not None
             law = self.law.scaled(relative_gains(estimator.view.machine, machine))
-            whole = Controller(self.plant, estimator, law, scenario.sequence, fed)
+            controller = Controller(self.plant, estimator, law, scenario.sequence, fed)
             levitated = scenario.start == "levitated"
-            told |= {"control": whole.in_core(**other), "hovers": levitated}
-        return told | {"loop": loop}
+            result |= {"control": controller.in_core(**other), "hovers": levitated}
+        return result | {"loop": loop}

@@ -142,8 +142,8 @@ def recorded(
     machine, scenario = form.machine, form.scenario
     axes = [axis.name for axis in machine.axes]
     force = form.force(out["force"])
-    told = ("X", "iu", "y", "u")
-    out = out | {name: np.asarray(out[name], float) for name in told}
+    names = ("X", "iu", "y", "u")
+    out = out | {name: np.asarray(out[name], float) for name in names}
     if scenario.off is not None:
         bias = [axis.bearing.magnet.bias_current for axis in machine.axes]
         out["iu"] = np.where((t < scenario.off)[:, None], out["iu"], np.negative(bias))

@@ -31,7 +31,7 @@ def simulation_figure(run: Any) -> Figure:
     machine = run.machine
     t, name = record.t, "estimate"
 
-    def told(signal: str) -> list[Item]:
+    def lines(signal: str) -> list[Item]:
         return [] if estimate is None else [Line(t, estimate[signal], signal=name)]
 
     limits = [
@@ -43,13 +43,13 @@ def simulation_figure(run: Any) -> Figure:
         Line(t, record["y"], signal="measured"),
         Line(t, record["r"], signal="reference"),
         Line(t, record["x"], signal="truth"),
-        *told("x"),
+        *lines("x"),
     ]
     control = Line(t, record["iu"], signal="control", label="control current")
     follows = (
         []
         if estimate is None
-        else [item for n in estimate.states_with_role("current") for item in told(n)]
+        else [item for n in estimate.states_with_role("current") for item in lines(n)]
     )
     coloured = None if estimate is None else estimate.sensor_noise
     noises = (
@@ -63,10 +63,10 @@ def simulation_figure(run: Any) -> Figure:
         caption="" if estimate is None else f"In the loop or beside it: {estimate.estimator}.",
         panels=[
             Panel(TIME, POSITION, [*position, *contact]),
-            Panel(TIME, VELOCITY, [Line(t, record["v"], signal="truth"), *told("v"), *contact]),
+            Panel(TIME, VELOCITY, [Line(t, record["v"], signal="truth"), *lines("v"), *contact]),
             Panel(TIME, CURRENT, [control, *follows, *limits, *contact]),
             Panel(
-                TIME, DISTURBANCE, [Line(t, record["f_d"], signal="truth"), *told("f_d"), *contact]
+                TIME, DISTURBANCE, [Line(t, record["f_d"], signal="truth"), *lines("f_d"), *contact]
             ),
             *noises,
         ],
