@@ -3,7 +3,8 @@
     uv run python -m benchmarks.contact [RUNS [NAME ...]]
 
 Each axis has a random walk of its disturbance force, as the filters assume, so strong that the
-rotor lies on its stops for much of a run. The last axes and machines are random ones. A row: the
+rotor lies on its stops for much of a run; or a weak one, and the rotor drops, as the power fails
+after a quarter of the run. The last axes and machines are random ones. A row: the
 share of the time in contact; the error of the position in um rms of the raw sensor, the
 constant-velocity, the extended and the contact filter, the latter two with the unbalance of a
 machine that has one; of the contact filter the share of samples
@@ -38,6 +39,7 @@ from benchmarks.sensors import drawn
 WALK = {True: 4.0, False: 1.0}
 """Of the disturbance force at the end of a run, rms [load capacities of the axis], of a machine
 with one axis and with several: each presses the rotor on a stop for about half of the time."""
+WEAK = 0.1  #: The same where the rotor drops.
 SAMPLES = 5000  #: Of a run.
 SETTLED = 200  #: Judged from this sample on.
 STICKS = 1e-3  #: Slip up to which friction is in proportion to it (sim/parts.h) [m/s].
@@ -53,11 +55,15 @@ def with_stop(machine: Machine, stiffness: float, damping: float = 0.3, **more: 
     )})  # fmt: skip
 
 
-def walks(machine: Machine, seed: int, duration: float) -> tuple[Record, FilterNoise]:
+def walks(
+    machine: Machine, seed: int, duration: float, off: float | None = None
+) -> tuple[Record, FilterNoise]:
     """Return a run under random walks, in the loop of the measurement, and how strong they are."""
+    # off: when the power fails [s]; None: never
     T = machine.sampling_time
     t = T * np.arange(round(duration / T) + 1)
-    capacities = WALK[machine.single] * np.array(load_capacity(machine))
+    strength = WALK[machine.single] if off is None else WEAK
+    capacities = strength * np.array(load_capacity(machine))
     random = np.random.default_rng(1000 + seed)
     steps = random.normal(0, 1, (len(capacities), t.size)) * np.sqrt(T / duration)
     loads = [Recorded.of(t, load) for load in np.cumsum(capacities[:, None] * steps, axis=1)]
@@ -67,6 +73,7 @@ def walks(machine: Machine, seed: int, duration: float) -> tuple[Record, FilterN
     scenario = Scenario(
         duration=duration,
         seed=seed,
+        off=off,
         disturbance=disturbance,
         controller={"feedback": "measurement"},
     )
@@ -100,12 +107,14 @@ class Judged:
         return float(np.sqrt(sum(self.force) / max(sum(self.of), 1e-300)))
 
 
-def judge(machine: Machine, seeds: Iterable[int], *, samples: int = SAMPLES) -> Judged:
+def judge(
+    machine: Machine, seeds: Iterable[int], *, samples: int = SAMPLES, drops: bool = False
+) -> Judged:
     """Run filters along touchdowns, and judge them by truth."""
     T, view, result = machine.sampling_time, View(machine), Judged()
     turning = {"synchronous": ("unbalance",)} if machine.unbalance else {}
     for seed in seeds:
-        record, noise = walks(machine, seed, samples * T)
+        record, noise = walks(machine, seed, samples * T, samples * T / 4 if drops else None)
         result.add("raw", raw_error(machine, [record], SETTLED) ** 2)
         for name in ("constant-velocity", "extended", "contact"):
             known = {} if name == "constant-velocity" else {"noise": noise, **turning}
@@ -244,8 +253,8 @@ def resolution(machine: Machine) -> float:
 
 def preset(name: str, **friction: float) -> Machine:
     """Return a machine with unbalance that turns, or without both."""
-    machine = Machine.preset(name).replace(unbalance=[])
-    return with_stop(machine, 1e9, **friction)
+    machine = Machine.preset(name)
+    return with_stop(machine if machine.single else machine.replace(unbalance=[]), 1e9, **friction)
 
 
 MACHINES: dict[str, Callable[[], Machine]] = {
@@ -258,6 +267,10 @@ MACHINES: dict[str, Callable[[], Machine]] = {
     "tum_mlps": lambda: preset("tum_mlps"),
     "ufu_rig, friction": lambda: preset("ufu_rig", friction=0.1, radius=0.02),
     "tum_mlps, friction": lambda: preset("tum_mlps", friction=0.1, radius=0.02),
+    **{
+        f"{name}, drop": lambda name=name: preset(name, friction=0.05, radius=0.02)
+        for name in ("zittau_axial", "ufu_rig", "tum_mlps", "hindawi_2011")
+    },
 }
 
 
@@ -274,7 +287,7 @@ def main() -> None:
         try:
             make, count = cases[name]
             machine = make()
-            result = judge(machine, range(11000, 11000 + count))
+            result = judge(machine, range(11000, 11000 + count), drops=name.endswith("drop"))
         except (AmbkitError, ValueError):
             continue  # it cannot carry its rotor
         limits = [bound(machine, 11000 + k) for k in range(4)] if name in list(MACHINES)[:5] else []

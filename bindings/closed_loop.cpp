@@ -62,7 +62,7 @@ ClosedLoop::ClosedLoop(const nb::dict &loop, Arguments &named)
   in.base = series(named.take("base"), n, 3, "base");
   in.scale = series(named.take("scale"), n, 1, "scale");
   in.fly = series(named.take("fly"), n, 1, "fly");
-  in.off = named.or_else<size_t>("off", n);
+  in.on = series(named.take("on"), n, 1, "on");
   const bool beside = named.or_else<bool>("beside", false);
   const nb::object wrong = named.take("faults");
   if (!wrong.is_none())

@@ -262,6 +262,11 @@ inline void fill(amb_real *to, const Vector &from, size_t n, const char *name)
 Named run_input(Estimator &self, const amb_kalman_input &input, bool covariance,
                 const std::optional<std::string> &instructions);
 
+// The same; `on` (n,): 0 while the magnets have no current, else 1.
+Named run_supplied(Estimator &self, const Samples &y, const Samples &u, bool covariance,
+                   const std::optional<std::string> &instructions,
+                   const std::optional<Samples> &on);
+
 // In estimator_runs.cpp: steps and runs of the class, and runs with variable speed.
 void bind_steps(nb::class_<Estimator> &estimator);
 #if defined(AMB_MODEL_LOOPS)

@@ -76,7 +76,15 @@ amb_kalman_input input_of(const Estimator &self, const Samples &y, const Samples
 {
   const size_t n = samples_of(y, self.sizes().sensors, "y");
   same_length(n, samples_of(u, self.sizes().controls, "u"), "u");
-  return {n, y.data(), u.data(), nullptr, nullptr};
+  return {n, y.data(), u.data(), nullptr, nullptr, nullptr};
+}
+
+// `on` (n,): 0 while the magnets have no current, else 1.
+const amb_real *switched(const std::optional<Samples> &on, size_t n)
+{
+  if (on)
+    same_length(n, samples_of(*on, 1, "on"), "on");
+  return on ? on->data() : nullptr;
 }
 
 Named run(Estimator &self, const Samples &y, const Samples &u, bool covariance,
@@ -89,9 +97,10 @@ Named run(Estimator &self, const Samples &y, const Samples &u, bool covariance,
 
 // A complete record with a variable speed of rotation, linear between samples.
 Named run_turning(Estimator &self, const Samples &y, const Samples &u, const Samples &speed,
-                  Model &model, bool covariance, bool measured)
+                  Model &model, bool covariance, bool measured, const std::optional<Samples> &on)
 {
-  const amb_kalman_input in = input_of(self, y, u);
+  amb_kalman_input in = input_of(self, y, u);
+  in.on = switched(on, in.n);
   same_length(in.n, samples_of(speed, measured ? ROTATION_FIELDS : 1, "speed"), "speed");
   if (!model.turns())
     throw std::invalid_argument("the model knows one speed only");
@@ -102,6 +111,8 @@ Named run_turning(Estimator &self, const Samples &y, const Samples &u, const Sam
     for (size_t k = 0; k < in.n; k++) {
       const amb_real *acted = k > 0 ? in.u + (k - 1) * c : nullptr;
       const bool mirrored = self.turn_at(model, speed.data(), k, measured);
+      if (k > 0 && in.on != nullptr && !(in.on[k - 1] > 0))
+        amb_deenergise(&self.estimator, self.state());
       (void)amb_estimator_step(&self.estimator, self.state(), in.y + k * m, acted, &self.result);
       self.result.status |= mirrored ? AMB_MIRRORED : AMB_OK;
       amb_estimator_note(&self.estimator, self.state(), &self.result, k, &history.to);
@@ -148,6 +159,14 @@ Out<amb_real> forecast(const Estimator &self, const Matrix &mean, const Samples 
 
 } // namespace
 
+Named run_supplied(Estimator &self, const Samples &y, const Samples &u, bool covariance,
+                   const std::optional<std::string> &instructions, const std::optional<Samples> &on)
+{
+  amb_kalman_input in = input_of(self, y, u);
+  in.on = switched(on, in.n);
+  return run_input(self, in, covariance, instructions);
+}
+
 void bind_steps(nb::class_<Estimator> &estimator)
 {
   estimator.def("predict", &predict_one, nb::arg("u"), "One sample on; returns the status.")
@@ -174,9 +193,10 @@ void bind_turning(nb::module_ &m)
   m.def(
       "run_turning", &run_turning, nb::arg("estimator"), nb::arg("y"), nb::arg("u"),
       nb::arg("speed"), nb::arg("model"), nb::kw_only(), nb::arg("covariance") = false,
-      nb::arg("measured") = false,
+      nb::arg("measured") = false, nb::arg("on") = nb::none(),
       nb::sig("def run_turning(estimator: Estimator, y: Any, u: Any, speed: Any, model: Model, "
-              "*, covariance: bool = False, measured: bool = False) -> dict[str, Any]"),
+              "*, covariance: bool = False, measured: bool = False, on: Any = None) -> "
+              "dict[str, Any]"),
       "A whole record while the speed of rotation changes (n,) [rad/s], or by what is measured of "
       "it (n, 8), of its own model.");
 }

@@ -135,7 +135,7 @@ struct Contact : Estimator {
   amb_contact own{};
   Contact(nb::object magnets, nb::object model, const Places &first, const Places &second,
           const Matrix &numbers, const Matrix &displacement, const Matrix &velocity,
-          amb_real scatter, nb::kwargs settings)
+          const Vector &bias, amb_real scatter, nb::kwargs settings)
       : Estimator(amb_contact_methods, magnets, model, settings)
   {
     const size_t rings = first.size();
@@ -154,6 +154,7 @@ struct Contact : Estimator {
     rows(own.displacement, displacement, "displacement");
     rows(own.velocity, velocity, "velocity");
     own.scatter_squared = scatter * scatter;
+    fill(own.bias, bias, sizes().forces, "bias");
     estimator.own = &own;
   }
   nb::dict more() const override
@@ -168,20 +169,26 @@ struct Contact : Estimator {
     d["displacement"] = of_axes(own.displacement);
     d["velocity"] = of_axes(own.velocity);
     d["scatter_squared"] = own.scatter_squared;
+    d["bias"] = copied(own.bias, of.forces);
     return d;
   }
-  // Along the axes (n, forces), from means (n, states) and currents (n, controls).
-  nb::object contact_forces(const Matrix &means, const Matrix &iu) const
+  // Along the axes (n, forces), from means (n, states), currents (n, controls), and whether there
+  // are currents at all (n,).
+  nb::object contact_forces(const Matrix &means, const Matrix &iu,
+                            const std::optional<Vector> &on) const
   {
     const Sizes of = sizes();
     same_length(of.states, means.shape(1), "means");
     same_length(of.controls, iu.shape(1), "iu");
     same_length(means.shape(0), iu.shape(0), "iu");
+    if (on)
+      same_length(means.shape(0), on->size(), "on");
     amb_real beside[AMB_FORCES];
     Fresh<amb_real> forces({means.shape(0), of.forces});
     for (size_t k = 0; k < means.shape(0); k++)
       amb_contact_forces(&estimator, means.data() + k * of.states, iu.data() + k * of.controls,
-                         amb_real(1), beside, forces.data + k * of.forces);
+                         amb_real(1), on && !(on->data()[k] > 0), beside,
+                         forces.data + k * of.forces);
     return nb::cast(forces.array);
   }
 
@@ -190,8 +197,8 @@ private:
   static constexpr std::pair<const char *, amb_real (amb_contact::*)[AMB_FORCES]> by_ring[] = {
       {"clearance", &amb_contact::clearance}, {"stiffness", &amb_contact::stiffness},
       {"damping", &amb_contact::damping},     {"friction", &amb_contact::friction},
-      {"surface", &amb_contact::surface},     {"moves", &amb_contact::moves},
-      {"hastens", &amb_contact::hastens}};
+      {"surface", &amb_contact::surface},     {"compliance", &amb_contact::compliance},
+      {"mobility", &amb_contact::mobility}};
   void axes(unsigned short *to, const Places &from, size_t rings, const char *name)
   {
     same_length(rings, from.size(), name);
@@ -326,16 +333,26 @@ void bind_estimators(nb::module_ &m)
                    "curvature: float, **settings: Any) -> None"));
   nb::class_<Contact, Estimator>(m, "Contact", "Extended filter with stops (ambkit/contact.h).")
       .def(nb::init<nb::object, nb::object, const Places &, const Places &, const Matrix &,
-                    const Matrix &, const Matrix &, amb_real, nb::kwargs>(),
+                    const Matrix &, const Matrix &, const Vector &, amb_real, nb::kwargs>(),
            nb::arg("magnet"), nb::arg("model"), nb::arg("first"), nb::arg("second"),
-           nb::arg("numbers"), nb::arg("displacement"), nb::arg("velocity"), nb::arg("scatter"),
-           nb::arg("settings"),
-           nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, first: Any, "
-                   "second: Any, numbers: Any, displacement: Any, velocity: Any, scatter: float, "
-                   "**settings: Any) -> None"))
+           nb::arg("numbers"), nb::arg("displacement"), nb::arg("velocity"), nb::arg("bias"),
+           nb::arg("scatter"), nb::arg("settings"),
+           nb::sig(
+               "def __init__(self, magnet: Magnet | list[Magnet], model: Model, first: Any, "
+               "second: Any, numbers: Any, displacement: Any, velocity: Any, bias: Any, scatter: "
+               "float, **settings: Any) -> None"))
+      .def("run", &run_supplied, nb::arg("y"), nb::arg("u"), nb::kw_only(),
+           nb::arg("covariance") = false, nb::arg("instructions") = nb::none(),
+           nb::arg("on") = nb::none(),
+           "A whole record; the magnets have no current from sample k to k + 1 where on[k] is 0.")
+      .def(
+          "deenergise", [](Contact &self) { amb_contact_deenergise(self.state()); },
+          "Before a prediction: the magnets had no current.")
       .def("contact_forces", &Contact::contact_forces, nb::arg("means"), nb::arg("iu"),
+           nb::arg("on") = nb::none(),
            "Contact forces along the axes (n, forces) [N] over the samples that begin at means of "
-           "the states (n, states), under currents (n, controls) [A].");
+           "the states (n, states), under control currents (n, controls) [A] where `on` (n,) is "
+           "1, and without magnet forces where it is 0.");
   nb::class_<AdaptiveNoise, Estimator>(m, "AdaptiveNoise",
                                        "Noise found online (ambkit/adaptive_noise.h).")
       .def(nb::init<nb::object, bool, bool, amb_real, amb_real, amb_real, unsigned int>(),

@@ -63,8 +63,8 @@ void own_advance(const amb_estimator *, amb_real, const amb_real *, amb_real *)
 {
 }
 
-const amb_estimator_methods own_methods = {sizeof(OwnState), own_reset,   own_predict,
-                                           own_update,       own_advance, nullptr};
+const amb_estimator_methods own_methods = {sizeof(OwnState), own_reset, own_predict, own_update,
+                                           own_advance,      nullptr,   nullptr};
 
 struct Own : Estimator {
   nb::callable answer;

@@ -13,23 +13,23 @@ static amb_real speed_known(const amb_loop_state *s, const amb_loop_sample *samp
 }
 
 /* One step of the complete controller with its estimator; `u_known`: control signals known to it
- * [V]. */
-static void control(const amb_loop *loop, amb_loop_state *s, void *estimator,
+ * [V].
+ * */
+static void control(const amb_loop *loop, amb_loop_state *s, void *filter,
                     const amb_loop_sample *sample, const amb_real u_known[])
 {
   amb_copy(loop->plant.axes, u_known, s->control.u);
-  s->status = amb_control_step(loop->control, &s->control, estimator, s->y, sample->r,
+  s->status = amb_control_step(loop->control, &s->control, filter, s->y, sample->r,
                                speed_known(s, sample), sample->fly, &s->flown);
   s->result = s->flown.estimator;
   amb_copy(loop->plant.axes, s->control.u, s->u);
 }
 
 /* Demanded control currents, for the measurements `direct` [m]. */
-static void demand(const amb_loop *loop, amb_loop_state *s, const void *estimator,
+static void demand(const amb_loop *loop, amb_loop_state *s, const void *filter,
                    const amb_loop_sample *sample, const amb_real direct[], amb_real iu[])
 {
-  const amb_real *mean =
-      loop->feedback_estimate ? ((const amb_kalman_state *)estimator)->mean : NULL;
+  const amb_real *mean = loop->feedback_estimate ? ((const amb_kalman_state *)filter)->mean : NULL;
   if (loop->own.control != NULL)
     loop->own.control(loop->own.controller, direct, sample->r, mean, iu);
   else if (loop->controllers != NULL) {
@@ -45,7 +45,7 @@ static void demand(const amb_loop *loop, amb_loop_state *s, const void *estimato
 
 /* One sample: the controllers get the measurements `direct` [m], the estimator those of the state
  * and the control signals `u_known` [V] that acted before. The plant is not advanced. */
-static void sense(const amb_loop *loop, amb_loop_state *s, void *estimator,
+static void sense(const amb_loop *loop, amb_loop_state *s, void *filter,
                   const amb_loop_sample *sample, const amb_real direct[], const amb_real u_known[])
 {
   const amb_real *acted = s->sampled ? u_known : NULL;
@@ -53,20 +53,21 @@ static void sense(const amb_loop *loop, amb_loop_state *s, void *estimator,
   s->sampled = true;
   s->status = AMB_OK;
   if (loop->control != NULL) {
-    control(loop, s, estimator, sample, u_known);
+    control(loop, s, filter, sample, u_known);
     return;
   }
   if (loop->estimator != NULL)
-    s->status = amb_estimator_step(loop->estimator, estimator, s->y, acted, &s->result);
-  demand(loop, s, estimator, sample, direct, iu);
+    s->status = amb_estimator_step(loop->estimator, filter, s->y, acted, &s->result);
+  demand(loop, s, filter, sample, direct, iu);
   for (size_t c = 0; c < axes(loop); c++)
     s->u[c] = iu[c] / loop->k_ui[c];
 }
 
 /* Advances the plant to the next sample, with these shares of the amplifiers' ranges; NULL: all of
- * them. */
-static bool act(const amb_loop *loop, amb_loop_state *s, const amb_loop_sample *sample,
-                const amb_real share[])
+ * them. The filter is notified if the magnets have no current, as by the amplifiers' ready signal.
+ */
+static bool act(const amb_loop *loop, amb_loop_state *s, void *filter,
+                const amb_loop_sample *sample, const amb_real share[])
 {
   const amb_plant *plant = &loop->plant;
   const amb_real own = plant->sensor->speed;
@@ -77,6 +78,8 @@ static bool act(const amb_loop *loop, amb_loop_state *s, const amb_loop_sample *
                          .next = sample->speed != NULL ? sample->speed[1] : own,
                          .scale = sample->scale,
                          .off = sample->off || (loop->control != NULL && !s->flown.on)};
+  if (acts.off && (loop->estimator != NULL))
+    amb_deenergise(loop->estimator, filter);
   for (size_t c = 0; c < axes(loop); c++) {
     const amb_real left = share != NULL ? share[c] : 1;
     s->demanded[c] = amb_clamp(loop->k_ui[c] * (s->u[c] + sample->noise_u[c]),
@@ -105,14 +108,14 @@ static void read(const amb_plant *plant, const amb_plant_state *state, const amb
   }
 }
 
-bool amb_loop_step(const amb_loop *loop, amb_loop_state *state, void *estimator,
+bool amb_loop_step(const amb_loop *loop, amb_loop_state *state, void *filter,
                    const amb_loop_sample *sample)
 {
   amb_real u_known[AMB_CONTROLS];
   amb_copy(loop->plant.axes, state->u, u_known);
   read(&loop->plant, &state->plant, sample->noise_y, state->y);
-  sense(loop, state, estimator, sample, state->y, u_known);
-  return act(loop, state, sample, NULL);
+  sense(loop, state, filter, sample, state->y, u_known);
+  return act(loop, state, filter, sample, NULL);
 }
 
 /* Measurement of sensor r at sample k with its delay; earlier outputs are known from x_m. */
@@ -143,13 +146,13 @@ static amb_loop_sample sample_of(const amb_loop *loop, const amb_loop_input *in,
       .speed = in->speed != NULL ? in->speed + k : NULL,
       .rotation = in->rotation != NULL ? in->rotation + AMB_ROTATION_FIELDS * k : NULL,
       .scale = in->scale != NULL ? in->scale[k] : 1,
-      .off = k >= in->off,
+      .off = in->on != NULL && !(in->on[k] > 0),
       .fly = in->fly == NULL || in->fly[k] > 0};
   return sample;
 }
 
 /* Writes the results of a sample, except the plant's states before its advance. */
-static void note(const amb_loop *loop, const amb_loop_state *s, const void *estimator,
+static void note(const amb_loop *loop, const amb_loop_state *s, const void *filter,
                  const amb_real u_known[], size_t k, amb_loop_output *out)
 {
   const size_t p = axes(loop), m = (size_t)loop->plant.sensors;
@@ -170,11 +173,11 @@ static void note(const amb_loop *loop, const amb_loop_state *s, const void *esti
   if (out->status != NULL)
     out->status[k] = (unsigned short)s->status;
   if (loop->estimator != NULL)
-    amb_estimator_note(loop->estimator, estimator, &s->result, k, &out->estimate);
+    amb_estimator_note(loop->estimator, filter, &s->result, k, &out->estimate);
 }
 
 amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop_state *state,
-                        void *estimator, amb_loop_output *out)
+                        void *filter, amb_loop_output *out)
 {
   const amb_plant *plant = &loop->plant;
   const amb_loop_faults *faults = in->faults;
@@ -188,7 +191,7 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
       out->X[j][k] = s.plant.X[j];
     s.speed = (sample.rotation != NULL) ? sample.rotation[AMB_ROTATION_FIELDS - 1] : 0;
     if ((k > 0) && (loop->turn_by != NULL) && (sample.rotation != NULL))
-      s.speed = loop->turn_by(loop->model, estimator, sample.rotation);
+      s.speed = loop->turn_by(loop->model, filter, sample.rotation);
     else if ((k > 0) && (loop->turn != NULL))
       loop->turn(loop->model, in->speed[k - 1], in->speed[k]);
     read(plant, &s.plant, sample.noise_y, direct);
@@ -197,7 +200,7 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
       s.y[r] = faulted(plant, faults, out->X[plant->shows[r]], in->noise_y, k, r);
       direct[r] = faults->beside ? direct[r] : s.y[r];
     }
-    sense(loop, &s, estimator, &sample, direct, u_known);
+    sense(loop, &s, filter, &sample, direct, u_known);
     if ((sample.rotation != NULL) && (s.speed * sample.rotation[AMB_ROTATION_FIELDS - 1] < 0)) {
       s.status |= AMB_MIRRORED;
       s.result.status |= AMB_MIRRORED;
@@ -205,8 +208,8 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
     for (size_t c = 0, at = k * axes(loop); c < axes(loop); c++, at++)
       u_known[c] = faults != NULL ? faults->u_times[at] * s.u[c] + faults->u_plus[at] : s.u[c];
     out->at_stop[k] =
-        act(loop, &s, &sample, faults != NULL ? faults->current + k * axes(loop) : NULL);
-    note(loop, &s, estimator, u_known, k, out);
+        act(loop, &s, filter, &sample, faults != NULL ? faults->current + k * axes(loop) : NULL);
+    note(loop, &s, filter, u_known, k, out);
     all |= loop->estimator != NULL ? s.result.status : (amb_status)AMB_OK;
   }
   *state = s;

@@ -117,7 +117,7 @@ typedef struct amb_loop_input {
   const amb_real *rotation;      /* n x AMB_ROTATION_FIELDS: information on it for estimator and
                                  controllers; NULL: exact */
   const amb_real *base;          /* n x 3: accelerations of the foundation [m/s^2]; NULL: none */
-  size_t off; /* the magnets have no current from this sample on; n: never switched off */
+  const amb_real *on; /* n: 0 while magnets have no current, not even the bias, else 1; NULL: 1 */
 } amb_loop_input;
 
 /* Destinations of the results, n samples each; with several axes or sensors row by row. */

@@ -13,7 +13,7 @@ unsigned int amb_many_group(const amb_many_run *run)
   if (!amb_plant_is_plain_axis(plant) || (sensor->step > 0) || (sensor->rise < 0) ||
       (sensor->rise > 0) || (loop->control != NULL) || (loop->controllers != NULL) ||
       (loop->own.control != NULL) || (loop->own.move != NULL) || (loop->pid.sections > 0) ||
-      (run->in.scale != NULL) || (run->in.faults != NULL))
+      (run->in.scale != NULL) || (run->in.on != NULL) || (run->in.faults != NULL))
     return 0U;
   if ((plant->substeps < 1) || (plant->substeps > 1000) || (loop->estimator == NULL) ||
       (sizeof(amb_real) < sizeof(double)))

@@ -148,7 +148,8 @@ class Filter:
         self.estimates = (self.real * (estimates // ctypes.sizeof(self.real)))()
         self.functions = {
             what: getattr(library, f"{name}_{what}")
-            for what in ("init", "reset", "step", "deviations")
+            for what in ("init", "reset", "step", "deviations", "deenergise")
+            if hasattr(library, f"{name}_{what}")
         }
         self.started = self.functions["init"](self.state)  # a status, where numbers are editable
 
@@ -159,6 +160,9 @@ class Filter:
         """Take a sample in; return the status."""
         inputs = self.real(y), self.real(u)
         return int(self.functions["step"](self.state, *inputs, self.estimates))
+
+    def deenergise(self) -> None:
+        self.functions["deenergise"](self.state)
 
     @property
     def feed_back(self) -> bool:

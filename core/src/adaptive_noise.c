@@ -271,7 +271,7 @@ static void scale(const amb_estimator *self, const void *state, amb_real *value,
 }
 
 const amb_estimator_methods amb_adaptive_noise_methods = {
-    sizeof(amb_adaptive_noise_state), reset, predict, update, advance, NULL};
+    sizeof(amb_adaptive_noise_state), reset, predict, update, advance, NULL, NULL};
 
 const amb_estimator_methods amb_adaptive_noise_scale_methods = {
-    sizeof(amb_adaptive_noise_state), reset, predict, update, advance, scale};
+    sizeof(amb_adaptive_noise_state), reset, predict, update, advance, scale, NULL};

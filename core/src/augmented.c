@@ -255,4 +255,4 @@ static void scale(const amb_estimator *self, const void *state, amb_real *value,
 }
 
 const amb_estimator_methods amb_augmented_methods = {
-    sizeof(amb_augmented_state), reset, predict, update, advance, scale};
+    sizeof(amb_augmented_state), reset, predict, update, advance, scale, NULL};

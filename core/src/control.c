@@ -242,6 +242,8 @@ amb_status amb_control_step(const amb_control *control, amb_control_state *state
     const amb_status acted = act(control, state, mean, y, r, speed, out->iu);
     state->limited = (acted & AMB_SATURATED) != 0U;
     status |= acted;
+  } else {
+    amb_deenergise(control->estimator, filter);
   }
   return status;
 }

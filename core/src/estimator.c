@@ -19,6 +19,13 @@ amb_status amb_estimator_step(const amb_estimator *estimator, void *state,
   return status;
 }
 
+void amb_deenergise(const amb_estimator *self, void *state)
+{
+  if (self->methods->deenergise != NULL) {
+    self->methods->deenergise(state);
+  }
+}
+
 /* ---- The paper's filter and the extended one: one update, two predictions. ---- */
 
 amb_status amb_plain_reset(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
@@ -88,9 +95,18 @@ void amb_extended_advance(const amb_estimator *self, amb_real scale,
   amb_scaled_advance(self, none, scale, iu, mean);
 }
 
-const amb_estimator_methods amb_kalman_methods = {
-    sizeof(amb_kalman_state), amb_plain_reset, predict, amb_plain_update, amb_plain_advance, NULL};
+const amb_estimator_methods amb_kalman_methods = {sizeof(amb_kalman_state),
+                                                  amb_plain_reset,
+                                                  predict,
+                                                  amb_plain_update,
+                                                  amb_plain_advance,
+                                                  NULL,
+                                                  NULL};
 
-const amb_estimator_methods amb_extended_methods = {sizeof(amb_kalman_state), amb_plain_reset,
-                                                    predict_extended,         amb_plain_update,
-                                                    amb_extended_advance,     NULL};
+const amb_estimator_methods amb_extended_methods = {sizeof(amb_kalman_state),
+                                                    amb_plain_reset,
+                                                    predict_extended,
+                                                    amb_plain_update,
+                                                    amb_extended_advance,
+                                                    NULL,
+                                                    NULL};

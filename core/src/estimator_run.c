@@ -23,6 +23,8 @@ amb_status amb_estimator_run(const amb_estimator *estimator, void *state,
   memset(&result, 0, sizeof result);
   for (size_t k = 0; k < in->n; k++) {
     const amb_real *u = (k > 0) ? in->u + (k - 1) * controls : NULL;
+    if ((k > 0) && (in->on != NULL) && !(in->on[k - 1] > 0))
+      amb_deenergise(estimator, state);
     all |= amb_estimator_step(estimator, state, in->y + k * m, u, &result);
     amb_estimator_note(estimator, state, &result, k, history);
   }

@@ -91,4 +91,4 @@ static void advance(const amb_estimator *self, amb_real scale, const amb_real iu
 }
 
 const amb_estimator_methods amb_low_pass_methods = {
-    sizeof(amb_low_pass_state), reset, predict, update, advance, NULL};
+    sizeof(amb_low_pass_state), reset, predict, update, advance, NULL, NULL};

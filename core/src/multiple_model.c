@@ -293,4 +293,4 @@ static void scale(const amb_estimator *self, const void *state, amb_real *value,
 }
 
 const amb_estimator_methods amb_multiple_model_methods = {
-    sizeof(amb_multiple_model_state), reset, predict, update, advance, scale};
+    sizeof(amb_multiple_model_state), reset, predict, update, advance, scale, NULL};

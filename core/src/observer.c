@@ -98,4 +98,4 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
 }
 
 const amb_estimator_methods amb_observer_methods = {
-    sizeof(amb_kalman_state), reset, predict, update, amb_plain_advance, NULL};
+    sizeof(amb_kalman_state), reset, predict, update, amb_plain_advance, NULL, NULL};

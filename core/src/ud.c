@@ -287,4 +287,4 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
 }
 
 const amb_estimator_methods amb_ud_methods = {sizeof(amb_ud_state), reset, predict, update,
-                                              amb_extended_advance, NULL};
+                                              amb_extended_advance, NULL,  NULL};

@@ -80,6 +80,10 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   return status | predicted;
 }
 
-const amb_estimator_methods amb_unscented_methods = {
-    sizeof(amb_kalman_state), amb_plain_reset,      predict,
-    amb_plain_update,         amb_extended_advance, NULL};
+const amb_estimator_methods amb_unscented_methods = {sizeof(amb_kalman_state),
+                                                     amb_plain_reset,
+                                                     predict,
+                                                     amb_plain_update,
+                                                     amb_extended_advance,
+                                                     NULL,
+                                                     NULL};

@@ -286,11 +286,19 @@ class Unscented(Estimator):
 class Contact(Estimator):
     """Extended filter with stops (ambkit/contact.h)."""
 
-    def __init__(self, magnet: Magnet | list[Magnet], model: Model, first: Any, second: Any, numbers: Any, displacement: Any, velocity: Any, scatter: float, **settings: Any) -> None: ...
+    def __init__(self, magnet: Magnet | list[Magnet], model: Model, first: Any, second: Any, numbers: Any, displacement: Any, velocity: Any, bias: Any, scatter: float, **settings: Any) -> None: ...
 
-    def contact_forces(self, means: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], iu: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> object:
+    def run(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], *, covariance: bool = False, instructions: str | None = None, on: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)] | None = None) -> dict[str, Any]:
         """
-        Contact forces along the axes (n, forces) [N] over the samples that begin at means of the states (n, states), under currents (n, controls) [A].
+        A whole record; the magnets have no current from sample k to k + 1 where on[k] is 0.
+        """
+
+    def deenergise(self) -> None:
+        """Before a prediction: the magnets had no current."""
+
+    def contact_forces(self, means: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], iu: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], on: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None) -> object:
+        """
+        Contact forces along the axes (n, forces) [N] over the samples that begin at means of the states (n, states), under control currents (n, controls) [A] where `on` (n,) is 1, and without magnet forces where it is 0.
         """
 
 class AdaptiveNoise(Estimator):
@@ -439,7 +447,7 @@ class LoopState:
 
     def __init__(self) -> None: ...
 
-def simulate(loop: dict[str, Any], *, r: Any, load: Any, noise_u: Any, noise_y: Any, place: Any, current: Any, integral: Any, hovers: bool = True, estimator: Estimator | None = None, model: Model | None = None, control: Control | None = None, speed: Any = None, rotation: Any = None, base: Any = None, off: int | None = None, scale: Any = None, faults: dict[str, Any] | None = None, beside: bool = False, fly: Any = None, state: LoopState | None = None, start: Any = None, own_controller: Any = None, own_plant: Any = None) -> dict[str, Any]:
+def simulate(loop: dict[str, Any], *, r: Any, load: Any, noise_u: Any, noise_y: Any, place: Any, current: Any, integral: Any, hovers: bool = True, estimator: Estimator | None = None, model: Model | None = None, control: Control | None = None, speed: Any = None, rotation: Any = None, base: Any = None, on: Any = None, scale: Any = None, faults: dict[str, Any] | None = None, beside: bool = False, fly: Any = None, state: LoopState | None = None, start: Any = None, own_controller: Any = None, own_plant: Any = None) -> dict[str, Any]:
     """
     A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an empty one at first, the next call goes on where this one ends. The start, of all states of the plant, is in place of rest.
     """

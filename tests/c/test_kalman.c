@@ -315,7 +315,7 @@ static void test_run(void)
   u[60] = TOO_MUCH;
   u[70] = 9;
   const amb_magnet magnets[AMB_FORCES] = {closed};
-  amb_kalman_input in = {N, y, u, NULL, NULL};
+  amb_kalman_input in = {N, y, u, NULL, NULL, NULL};
   amb_kalman_history h = {mean,  cov,  innovation, variance, out_i,
                           out_s, NULL, NULL,       status,   status};
   amb_kalman_state s = start();
@@ -347,7 +347,7 @@ static void test_run(void)
   CHECK(unchanged(&s, &before) && same(mean[0], AMB_C(0.125)));
   in.n = 1;
   CHECK(amb_kalman_run(&kf, magnets, &s, &in, &h) == AMB_OK && same(innovation[0], y[0]));
-  in = (amb_kalman_input){N, y, u, k_i, k_s};
+  in = (amb_kalman_input){N, y, u, k_i, k_s, NULL};
   s = start();
   k_s[80] = NOT_A_NUMBER;
   CHECK((amb_kalman_run(&kf, NULL, &s, &in, &h) & AMB_BAD_PARAMETER) && axis_sound(&s));

@@ -115,8 +115,7 @@ static amb_status loop_run(size_t n, const amb_kalman *kf, bool fed_by_estimate,
 {
   const amb_estimator estimator = {&amb_kalman_methods, kf, &closed, NULL};
   const amb_loop loop = loop_of(kf != NULL ? &estimator : NULL, fed_by_estimate);
-  const amb_loop_input in = {
-      .n = n, .r = r, .load = f_d, .noise_u = noise_u, .noise_y = noise_y, .off = n};
+  const amb_loop_input in = {.n = n, .r = r, .load = f_d, .noise_u = noise_u, .noise_y = noise_y};
   amb_loop_state state = {0};
   amb_pid_reset(&state.pid[0], 0);
   return amb_loop_run(&loop, &in, &state, kalman, out);

@@ -23,7 +23,7 @@ static amb_kalman run(size_t n, size_t gone, size_t back)
         (k >= gone) && (k < back) ? NOT_A_NUMBER : AMB_C(1e-6) * (amb_real)((int)(k * 7 % 13) - 6);
     u[k] = AMB_C(0.404507);
   }
-  const amb_kalman_input in = {n, y, u, NULL, NULL};
+  const amb_kalman_input in = {n, y, u, NULL, NULL, NULL};
   const amb_magnet magnets[AMB_FORCES] = {linear};
   (void)amb_kalman_run(&kf, magnets, &s, &in, &history);
   memcpy(filtered, mean, sizeof mean);

@@ -167,8 +167,7 @@ EXPORT(fly) int fly(int kind)
   bench_draw(stated.seed, AMB_NOISE_SENSOR, 0, n, 1, noise * stated.noise_y, noise_y);
   settle(&closed, &state);
   start_filter(first, closed.place, stated.K_sen * closed.place, closed.held);
-  const amb_loop_input in = {
-      .n = n, .r = r, .load = load, .noise_u = noise_u, .noise_y = noise_y, .off = n};
+  const amb_loop_input in = {.n = n, .r = r, .load = load, .noise_u = noise_u, .noise_y = noise_y};
   amb_loop_output out = {.X = columns,
                          .columns = 3,
                          .iu = iu,

@@ -113,13 +113,8 @@ EXPORT(rotor_fly) int rotor_fly(int samples, int kind)
   const amb_loop with = rotor_with_filter(&filters[0], kind);
   if (rotor.loop.feedback_estimate && (with.estimator == NULL))
     return -1;
-  const amb_loop_input in = {.n = n,
-                             .r = r,
-                             .load = load,
-                             .noise_u = noise_u,
-                             .noise_y = noise_y,
-                             .speed = speed,
-                             .off = n};
+  const amb_loop_input in = {
+      .n = n, .r = r, .load = load, .noise_u = noise_u, .noise_y = noise_y, .speed = speed};
   amb_loop_output out = {.X = columns,
                          .columns = 2 * rotor.loop.plant.positions + rotor.loop.plant.sensors,
                          .iu = iu,

@@ -42,6 +42,10 @@ typedef struct amb_estimator_methods {
   /* Estimated scale of the magnet force, k over the nominal k [1], and its variance; NULL if the
    * kind does not estimate it. */
   void (*scale)(const amb_estimator *self, const void *state, amb_real *scale, amb_real *variance);
+
+  /* Before a time update: the magnets carried no current over its sample, not even the bias. It
+   * holds for that time update only. NULL if the kind predicts with magnet forces always. */
+  void (*deenergise)(void *state);
 } amb_estimator_methods;
 
 struct amb_estimator {
@@ -64,6 +68,10 @@ extern const amb_estimator_methods amb_extended_methods;
 amb_status amb_estimator_step(const amb_estimator *estimator, void *state,
                               const amb_real y[AMB_SENSORS],
                               const amb_real u_previous[AMB_CONTROLS], amb_kalman_result *result);
+
+/* Before a step: the magnets carried no current since the last sample, not even the bias. Kinds
+ * without `deenergise` ignore it. */
+void amb_deenergise(const amb_estimator *self, void *state);
 
 /* Methods of these two that other kinds share. */
 amb_status amb_plain_reset(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],

@@ -15,6 +15,8 @@ typedef struct amb_kalman_input {
   const amb_real *u;   /* n x controls [V] */
   const amb_real *k_i; /* n x forces [N/A], or NULL */
   const amb_real *k_s; /* n x forces [N/m], or NULL */
+  const amb_real *on;  /* n: 0 if the magnets carry no current from sample k to k + 1, not even the
+                          bias, else 1; NULL: always 1. Used by kinds with `deenergise` */
 } amb_kalman_input;
 
 /* Destinations of the results; `cov`, `scale` and `scale_variance` may be NULL. */

@@ -30,6 +30,9 @@ class Mode(IntEnum):
     TRIPPED = 5
 
 
+WITH_CURRENT = (Mode.LIFTING, Mode.FLYING, Mode.LANDING)  #: Modes in which magnets have current.
+
+
 class LiftOff(Part):
     """Lift-off and landing: commands, times, and conditions of a trip."""
 

@@ -11,6 +11,7 @@ MEASURED = {"y": "m", "u": "V", "r": "m", "injected": "m"}
 TRUTH = {"x": "m", "v": "m/s", "f_d": "N", "x_m": "m", "iu": "A", "f_mag": "N"}
 """In a simulation: displacement, velocity, disturbance force, lagged position, currents, forces."""
 
+ON = "on"  #: 1 while the magnets have current from this sample to the next, 0 while they have none.
 CONTROL = "control"  #: Input of a measured current, in any unit.
 UNITS = {"t": "s"} | MEASURED | TRUTH  #: SI unit of each standard signal.
 

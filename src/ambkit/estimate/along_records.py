@@ -32,7 +32,8 @@ class AlongRecords(Stepping):
             With ``y`` [m] and ``u`` [V]; u[k] acts from sample k to k + 1. For a machine with
             several axes ``y_NAME`` of each reading and ``u_NAME`` of each axis, and the ``speed``
             of rotation [rad/s] unless it is the machine's; with ``[angle]`` the readings of that
-            sensor, see ``estimate_angle``.
+            sensor, see ``estimate_angle``. `ContactKalmanFilter` also uses ``on``, which is 0
+            where the magnets have no current until the next sample.
         covariance : bool
             Keep the covariances, 10 numbers a sample.
 
@@ -43,11 +44,12 @@ class AlongRecords(Stepping):
         """
         y, u = self._start(record)
         speed, measured = self._rotation(record)
+        how = {"covariance": covariance} | self._supply(record)
         if speed is None:
-            history = self.core.run(y, u, covariance=covariance)
+            history = self.core.run(y, u, **how)
         else:
             turn, of = self.engine.core.run_turning, self.engine.model_of_core
-            history = turn(self.core, y, u, speed, of, covariance=covariance, measured=measured)
+            history = turn(self.core, y, u, speed, of, **how, measured=measured)
         return self._estimated(record.t, self._with_law_error(history, u), self.name)
 
     def run_raw(self, y: ArrayLike, u: ArrayLike, *, covariance: bool = False) -> Estimate:
@@ -152,6 +154,10 @@ class AlongRecords(Stepping):
         mean = np.ascontiguousarray(real("estimate.mean", estimate.mean))
         _, u = self.view.signals(record)
         return self.view.column(np.asarray(self.core.forecast(mean, u, ahead, estimate.scale)))
+
+    def _supply(self, record: Record) -> dict[str, Any]:
+        """Return the argument of the core that states where the magnets have current."""
+        return {}
 
     def _start(self, record: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Reset to the first measurement of a record within the clearance; return its y and u."""

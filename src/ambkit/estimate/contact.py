@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.data.record import Record
+from ambkit.data.signals import ON
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimator import Arguments, Estimator
@@ -67,25 +68,37 @@ class ContactKalmanFilter(Estimator):
     def _arguments(self, engine: Engine, settings: dict[str, Any]) -> Arguments:
         T, dtype = self.machine.sampling_time, self.precision
         place, velocity = self.view.along_axes(engine.states)
-        hastens = np.diag(velocity @ engine.model.b) / 2  # mean velocity by a newton [m/s/N]
+        mobility = np.diag(velocity @ engine.model.b) / 2  # mean velocity per force [m/s/N]
         loads = np.zeros_like(place)
-        loads[:, [state.role == "disturbance force" for state in engine.states]] = np.diag(hastens)
+        loads[:, [state.role == "disturbance force" for state in engine.states]] = np.diag(mobility)
         displacement = place + T / 2 * velocity + T / 3 * loads
         rings, at = [], 0
         for bearing in self.machine.bearings:
             axes = (at, at + (bearing.type == "radial"))
             at, stop = axes[1] + 1, bearing.stop
             if stop is not None:
-                most = hastens[list(axes)].max()
+                most = mobility[list(axes)].max()
                 own = bearing.clearance, stop.stiffness, stop.damping, stop.friction or 0.0
                 surface = (stop.radius or 0.0) * self.machine.speed
                 rings.append((*axes, *own, surface, T / 3 * most, most))
         table = np.array(rings, float).reshape(-1, 9).T
         first, second = np.ascontiguousarray(table[:2], np.uint16)
+        bias = self.view.known_forces(self.magnet, weight=False)
         numbers, *rows = (
-            np.ascontiguousarray(one, dtype) for one in (table[2:], displacement, velocity + loads)
+            np.ascontiguousarray(one, dtype)
+            for one in (table[2:], displacement, velocity + loads, bias)
         )
         return (first, second, numbers, *rows, self._scatter), {}
+
+    def _supply(self, record: Record) -> dict[str, Any]:
+        return {"on": np.ascontiguousarray(record[ON], self.precision)} if ON in record else {}
+
+    def deenergise(self) -> None:
+        """State before a step that the magnets had no current since the last sample.
+
+        It holds for that step. Along a record, the signal ``on`` is 0 there instead.
+        """
+        self.core.deenergise()
 
     def contact_forces(self, estimate: Estimate, record: Record) -> NDArray[np.floating[Any]]:
         """Return the forces of the stops on the rotor.
@@ -107,4 +120,4 @@ class ContactKalmanFilter(Estimator):
         u = self.view.signals(record)[1].reshape(len(means), -1)
         iu = np.clip(of["k_ui"] * u, of["iu_min"], of["iu_max"])
         means, iu = (np.ascontiguousarray(one, self.precision) for one in (means, iu))
-        return np.asarray(self.core.contact_forces(means, iu))
+        return np.asarray(self.core.contact_forces(means, iu, **self._supply(record)))

@@ -35,6 +35,7 @@ class CoreKernel:
     #: Path of the covariance that determines the others of such a state; by default the base's.
     covariance: str = ""
     calls: tuple[str, ...] = ()  #: Further files that it calls.
+    deenergises: bool = False  #: Whether it predicts without magnet current where there is none.
 
     @property
     def methods(self) -> str:
@@ -257,7 +258,9 @@ KINDS = {
         ),
         FilterKind(
             "contact", "extended Kalman filter, contact with stops",
-            "contact.ContactKalmanFilter", CoreKernel("Contact"), ideal_laws, ratios=("scatter",),
+            "contact.ContactKalmanFilter",
+            CoreKernel("Contact", has_state=True, base="base.", deenergises=True), ideal_laws,
+            ratios=("scatter",),
         ),
         FilterKind(
             "linear-adaptive-noise", "linear Kalman filter, R found online",

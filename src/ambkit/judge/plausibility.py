@@ -18,6 +18,7 @@ from ambkit.data.reading.faults import find, noise, spike_free
 from ambkit.data.reading.plausibility import longest_run, suspects
 from ambkit.data.reading.position_search import NO_NOISE, in_steps, rotor
 from ambkit.data.record import Record
+from ambkit.data.signals import ON
 from ambkit.estimate.noise_model import COARSE
 from ambkit.judge.signs import channels, judge_signs
 from ambkit.machine.axes import isolated_axes
@@ -297,10 +298,12 @@ def _lies(record: Record, machine: Machine) -> Iterator[str]:
 
 
 def _without_stops(record: Record, machine: Machine) -> Record:
-    """Return a record without the positions in contact."""
+    """Return a record without the positions in contact, or without magnet current."""
     if "y" not in record:
         return record
     lies = _at_stop(record, machine, -1) | _at_stop(record, machine, 1)
+    if ON in record:
+        lies |= record[ON] == 0
     return replace(record, signals={**record.signals, "y": np.where(lies, np.nan, record["y"])})
 
 

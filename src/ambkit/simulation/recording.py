@@ -12,8 +12,9 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.pickling import own_version
+from ambkit.control.control import WITH_CURRENT
 from ambkit.data.record import Record
-from ambkit.data.signals import signal
+from ambkit.data.signals import ON, signal
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module
 from ambkit.models.declaration import Plan
@@ -144,9 +145,9 @@ def recorded(
     force = form.force(out["force"])
     names = ("X", "iu", "y", "u")
     out = out | {name: np.asarray(out[name], float) for name in names}
-    if scenario.off is not None:
+    if "on" in series:
         bias = [axis.bearing.magnet.bias_current for axis in machine.axes]
-        out["iu"] = np.where((t < scenario.off)[:, None], out["iu"], np.negative(bias))
+        out["iu"] = np.where(series["on"][:, None] > 0, out["iu"], np.negative(bias))
     signals: dict[str, tuple[Array, str]] = {}
     for k, reading in enumerate(machine.readings):
         signals[signal("y", reading.name)] = out["y"][:, k], "m"
@@ -177,6 +178,9 @@ def recorded(
             signals[name] = np.asarray(out[name], float), "V"
     if scenario.sequence is not None:
         signals["mode"] = out["mode"].astype(float), "1"
+        series[ON] = series.get(ON, np.ones(t.size)) * np.isin(out["mode"], WITH_CURRENT)
+    if ON in series:
+        signals[ON] = series[ON], "1"
     touched = np.flatnonzero(out["at_stop"])
     for way in {item.direction for item in scenario.base}:
         signals[f"base_{way}"] = series["base"][:, "xyz".index(way)], "m/s^2"

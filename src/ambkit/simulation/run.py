@@ -42,6 +42,7 @@ from ambkit.simulation.scenario import (
     Scenario,
     along,
     check_for,
+    energised,
     feedback_of,
     settled_scenario,
 )
@@ -137,8 +138,11 @@ class Loop:
             Sampled.of(machine, self.scenario) if sampled is None else sampled
         )
         self._fly = self.external_inputs.fly
+        self._energised = energised(self.scenario, self._t, machine.sampling_time)
         if self._fly is None and self.scenario.sequence is not None:
             self._fly = self.scenario.sequence.fly(self._t)
+            if self._energised is not None:
+                self._fly *= self._energised
         fed = self.scenario.feedback == "estimate"
         if estimator is None and (fed or self.scenario.sequence is not None):
             estimator = default_filter(machine)
@@ -300,12 +304,13 @@ class Loop:
             else {name: converter(item) for name, item in faults.series.items()},
             "beside": faults is not None and faults.beside,
             "fly": None if self._fly is None else converter(self._fly),
+            "on": None if self._energised is None else converter(self._energised),
         }  # fmt: skip
         of_form = self._form.arguments(self.core, estimator, external_inputs.place, **own)
         return core_arguments | self._own | of_form | self._turning(here)
 
     def _turning(self, here: slice) -> dict[str, Any]:
-        """Return the arguments of a core: rotation, base motion, power failure."""
+        """Return the arguments of a core: rotation, base motion."""
         if self._speed is None or self._base is None:
             return {}
         if (estimator := self.estimator) is not None and self._turns[0] is not estimator:
@@ -315,12 +320,9 @@ class Loop:
             else:
                 follows = estimator.follow_speed(self._speed, self._speed.size)
             self._turns = estimator, None if follows is None else estimator.engine.model_of_core
-        off = self._t.size
-        if self.scenario.off is not None:
-            off = max(0, round(self.scenario.off / self.machine.sampling_time) - here.start)
         return {
             "speed": self._speed[here.start : here.stop + 1].astype(self.precision),
-            "base": self._base[here].astype(self.precision), "model": self._turns[1], "off": off,
+            "base": self._base[here].astype(self.precision), "model": self._turns[1],
             "rotation": None if self._measured_rotation is None else self._measured_rotation[here],
         }  # fmt: skip
 
@@ -377,6 +379,8 @@ class Loop:
             series |= {"speed": self._speed[here], "base": self._base[here]}
         if self.readings is not None:
             series["angle"] = self.readings[here]
+        if self._energised is not None:
+            series["on"] = self._energised[here]
         record = recorded(self._form, t, out, series, here.start)
         usable = out["usable"].astype(bool) if "usable" in out else None
         estimate = None if estimator is None else estimator._estimated(t, out["estimate"])

@@ -37,7 +37,7 @@ def simulation_figure(run: Any) -> Figure:
     limits = [
         Rule(limit, signal="limit", label="limit")
         for limit in (machine.current_min, machine.current_max)
-        if np.max(np.abs(record["iu"])) > 0.5 * abs(limit)
+        if np.max(np.abs(record["iu"][run.energised])) > 0.5 * abs(limit)
     ]
     position: list[Item] = [
         Line(t, record["y"], signal="measured"),
@@ -45,7 +45,8 @@ def simulation_figure(run: Any) -> Figure:
         Line(t, record["x"], signal="truth"),
         *lines("x"),
     ]
-    control = Line(t, record["iu"], signal="control", label="control current")
+    supplied = np.where(run.energised, 1.0, np.nan)
+    control = Line(t, supplied * record["iu"], signal="control", label="control current")
     follows = (
         []
         if estimate is None
@@ -77,7 +78,8 @@ def _machine_figure(run: Any) -> Figure:
     """Plot the orbits of the rotor in its radial bearings, displacements and currents."""
     record, machine = run.record, run.machine
     t = record.t
-    on, full_time = run.fed, replace(TIME, limits=(float(t[0]), float(t[-1])))
+    supplied = np.where(run.energised, 1.0, np.nan)
+    full_time = replace(TIME, limits=(float(t[0]), float(t[-1])))
     contact = contact_spans(t, [] if run.estimate is None else [run.estimate])
     radial = [bearing for bearing in machine.bearings if bearing.type == "radial"]
     names = {
@@ -85,15 +87,15 @@ def _machine_figure(run: Any) -> Figure:
         for bearing in machine.bearings
     }
 
-    def lines(quantity: str, bearing: str, when: slice) -> list[Item]:
+    def lines(quantity: str, bearing: str, factor: Any = 1.0) -> list[Item]:
         return [
-            Line(t[when], record[signal(quantity, name)][when], signal=f"series {k}", label=axis)
+            Line(t, factor * record[signal(quantity, name)], signal=f"series {k}", label=axis)
             for k, (name, axis) in enumerate(zip(names[bearing], AXES, strict=False), 1)
         ]
 
     def current(bearing: BearingAt) -> Panel:
-        limit, fed = bearing.amplifier.current_limit, lines("iu", bearing.name, on)
-        currents = [record[signal("iu", name)][on] for name in names[bearing.name]]
+        limit, fed = bearing.amplifier.current_limit, lines("iu", bearing.name, supplied)
+        currents = [record[signal("iu", name)][run.energised] for name in names[bearing.name]]
         if np.abs(currents).max(initial=0.0) > 0.5 * limit:
             fed += [Rule(end, signal="limit", label="limit") for end in (-limit, limit)]
         title = f"Control currents of bearing {label(bearing.name)}"
@@ -101,7 +103,7 @@ def _machine_figure(run: Any) -> Figure:
 
     panels = [_orbit(run, bearing) for bearing in radial]
     panels += [
-        Panel(TIME, DISPLACEMENT, [*lines("s", name, slice(None)), *contact],
+        Panel(TIME, DISPLACEMENT, [*lines("s", name), *contact],
               title=f"Displacement in bearing {label(name)}")
         for name in names
     ]  # fmt: skip
@@ -116,8 +118,8 @@ def _machine_figure(run: Any) -> Figure:
     )
     if "mode" in record:
         caption += " On the stops all currents are zero, the bias included."
-    if on.stop is not None:
-        caption += " All currents are zero after the power failure."
+    if not run.energised.all():
+        caption += " All currents are zero while the power fails."
     return Figure(
         id="machine", title=f"Simulated run of {markdown(machine.name)}", caption=caption,
         panels=panels, columns=max(1, min(2, len(radial))), panel_height=2.1,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Self
 
@@ -17,7 +18,7 @@ from pydantic import (
 )
 
 from ambkit.base.arrays import Array
-from ambkit.base.config import Document, Part
+from ambkit.base.config import Document, Part, Read
 from ambkit.base.config.problems import ONE_OR_MORE
 from ambkit.base.config.quantities import Quantity, SignalIn
 from ambkit.base.errors import AmbkitError
@@ -79,7 +80,7 @@ _LIST = Tag(ONE_OR_MORE[1])
 _ONE_OR_MORE = Discriminator(lambda raw_value: ONE_OR_MORE[isinstance(raw_value, list | tuple)])
 
 AXES = ("reference", "disturbance", "injection")  #: Signals of an axis.
-OF_MACHINE = frozenset({"speed", "off", "base"})  #: Keys of a machine with several axes.
+OF_MACHINE = frozenset({"speed", "base"})  #: Keys of a machine with several axes.
 
 
 OF_BODY = {
@@ -147,6 +148,10 @@ class Scenario(Described, Document):
     """Time of a power failure, from which on all magnet currents are zero: the rotor drops onto its
     touch-down bearings [s].
     """
+    on: Annotated[float, Quantity("s", "0.5 s", above=0)] | None = None
+    """Time at which the power returns [s]. By default never. With `sequence` the command to
+    levitate is withdrawn in between, so that the rotor lifts off as at the start.
+    """
     sequence: LiftOff | None = None
     """Lift-off and landing of all axes, and trips. By default levitation from the start."""
     plant: OwnClass | None = None
@@ -155,6 +160,14 @@ class Scenario(Described, Document):
     """
     base: tuple[Base, ...] = ()
     """Motion of the foundation; displacements and readings are relative to it."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        off, on = read("off"), read("on")
+        if on is not None and off is None:
+            yield "on", "needs off, the time of the power failure"
+        elif on is not None and on <= off:
+            yield "on", f"must be after off, {off:g} s; is {on:g} s"
 
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -175,6 +188,15 @@ class Scenario(Described, Document):
             ``"measurement"`` or ``"estimate"``.
         """
         return self.model_copy(update={"controller": self.controller.fed_by(feedback)})
+
+
+def energised(scenario: Scenario, t: Array, T: float) -> Array | None:
+    """Return 1 where the magnets are supplied, else 0 (n,); None if there is no power failure."""
+    # t (n,) [s], sampled every T [s]
+    if scenario.off is None:
+        return None
+    samples, on = np.round(t / T), math.inf if scenario.on is None else round(scenario.on / T)
+    return np.where((samples < round(scenario.off / T)) | (samples >= on), 1.0, 0.0)
 
 
 def by_axis(scenario: Scenario, what: str, first: str) -> list[tuple[str, Any]]:

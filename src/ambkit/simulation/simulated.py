@@ -17,6 +17,7 @@ from ambkit.data.record import Record
 from ambkit.data.signals import by_name, signal
 from ambkit.estimate.errors import errors_along
 from ambkit.estimate.estimate import Estimate
+from ambkit.estimate.registry import KINDS
 from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
@@ -176,7 +177,7 @@ class Run(Result):
     @property
     def _currents(self) -> dict[str, NDArray[np.float64]]:
         """Control currents of each axis (n,) until a power failure [A]."""
-        return {axis: self.record[signal("iu", axis)][self.fed] for axis in self.axes}
+        return {axis: self.record[signal("iu", axis)][self.energised] for axis in self.axes}
 
     @property
     def _at_the_limit(self) -> int:
@@ -190,10 +191,13 @@ class Run(Result):
     @cached_property
     def _in_flight(self) -> tuple[int, int | None]:
         """First sample of levitation, and the one after its last."""
-        # Outside levitation contact forces act, which filters do not model, and the magnets may be
-        # off. 0 and None: all of the record.
-        if "mode" not in self.record:
-            return 0, self.fed.stop
+        # Outside levitation contact forces act and the magnets may be off, which only the filter
+        # contact models. 0 and None: all of the record.
+        known = self.estimate is not None and KINDS["contact"].label in self.estimate.estimator
+        if not known and not self.energised.all():
+            return 0, int(np.argmin(self.energised))
+        if known or "mode" not in self.record:
+            return 0, None
         mode = self.record["mode"]
         flew = np.flatnonzero(mode == Mode.FLYING)
         if not flew.size:
@@ -210,12 +214,13 @@ class Run(Result):
         """Return the name of the signal of the displacement along an axis."""
         return signal("s", axis) if axis else "x"
 
-    @property
-    def fed(self) -> slice:
-        """Samples with magnet current: up to a power failure."""
-        # Later the control current, a difference of two coil currents, does not show it.
-        off = self.record.meta.get("scenario", {}).get("off")
-        return slice(None) if off is None else slice(int(np.searchsorted(self.record.t, off)))
+    @cached_property
+    def energised(self) -> NDArray[np.bool_]:
+        """Where there is no power failure (n,)."""
+        # During one the control current, a difference of two coil currents, does not show it.
+        scenario, t = self.record.meta.get("scenario", {}), self.record.t
+        off, on = scenario.get("off", math.inf), scenario.get("on", math.inf)
+        return np.asarray((t < off - 1e-9) | (t >= on - 1e-9))
 
     @property
     def samples_at_the_stop(self) -> int:

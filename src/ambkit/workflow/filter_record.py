@@ -19,7 +19,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import in_si, names_in
 from ambkit.base.units import figure, percent
-from ambkit.control.control import Mode
+from ambkit.control.control import WITH_CURRENT
 from ambkit.data.channel_map import ChannelMap
 from ambkit.data.reading.plausibility import longest_run
 from ambkit.data.record import Record
@@ -194,7 +194,7 @@ def levitated(record: Record) -> tuple[float | None, float | None]:
     # and None: a record without ``mode``, or without lift-off.
     if "mode" not in record:
         return None, None
-    on = np.flatnonzero(np.isin(record["mode"], (Mode.LIFTING, Mode.FLYING, Mode.LANDING)))
+    on = np.flatnonzero(np.isin(record["mode"], WITH_CURRENT))
     if len(on) < 3:
         return None, None
     end = int(on[-1]) + 1

@@ -18,7 +18,7 @@ from ambkit.base.arrays import Array, Index
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import of_type
 from ambkit.base.units import engineering
-from ambkit.control.control import LiftOff, Mode
+from ambkit.control.control import WITH_CURRENT, LiftOff, Mode
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.data.telemetry import read_telemetry
@@ -218,7 +218,7 @@ def _others(answers: NDArray[np.void], expected: Expected, run: Run) -> Index:
     n = len(answers)
     gain = np.array([axis.bearing.amplifier.gain for axis in axes], single)
     magnets = [axis.bearing.magnet for axis in axes]
-    on = np.isin(expected["mode"], (Mode.LIFTING, Mode.FLYING, Mode.LANDING))
+    on = np.isin(expected["mode"], WITH_CURRENT)
     bias = np.where(on[:, None], np.array([m.bias_current for m in magnets], single), 0)
     pairs = [m.type == "two-sided" for m in magnets]
     coil = np.stack([bias + answers["iu"], np.where(pairs, bias - answers["iu"], 0)], axis=2)
