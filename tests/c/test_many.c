@@ -138,7 +138,6 @@ static void fill(one *o, size_t i, size_t n, const amb_estimator_methods *method
     run->loop = &o->loop;
     run->estimator = &o->state[which];
     run->in.n = n;
-    run->in.off = n;
     run->in.r = r;
     run->in.load = f_d[i];
     run->key.seed = 7;
