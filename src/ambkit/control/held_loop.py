@@ -32,6 +32,15 @@ UNDAMPED = 1e-9
 """Damping ratio of a mode below which its own frequency is left out: S is zero there."""
 
 
+def pid_response(gains: Any, z: Any, T: float, volts: Any) -> tuple[Any, Any, Any]:
+    """Return the responses of PIDs to displacement and velocity, and of the derivative's filter."""
+    # Written out, not in states as in `controller`, because hundreds of them are evaluated.
+    kp, ki, kd, T_f, *_ = gains
+    share = 1 / (T_f + T)
+    slope = share * (1 - 1 / z) / (1 - (1 - T * share) / z)
+    return volts * (kp + ki * T / (z - 1)), volts * kd, slope
+
+
 class Sensitivities:
     """Loops of a machine, each axis with its own PID and all others closed."""
 
@@ -53,15 +62,9 @@ class Sensitivities:
 
     def peaks(self, pids: Sequence[Any]) -> Array:
         """Return the peak of abs(S) of each axis (p,) [1], for stable and unstable loops."""
-        # The controllers' response is evaluated directly, not in states as in `controller`, because
-        # there are hundreds of them.
-        gains = [(pid.kp, pid.ki, pid.kd, pid.derivative_filter) for pid in pids]
-        kp, ki, kd, T_f = np.array(gains).T
-        z, T, p = self.z[:, None], self.T, len(pids)
-        x, v = self.volts * (kp + ki * T / (z - 1)), self.volts * kd
+        p, gains = len(pids), [(pid.kp, pid.ki, pid.kd, pid.derivative_filter) for pid in pids]
+        x, v, slope = pid_response(np.array(gains).T, self.z[:, None], self.T, self.volts)
         if self.estimator is None:
-            share = 1 / (T_f + T)
-            slope = share * (1 - 1 / z) / (1 - (1 - T * share) / z)
             L = self.seen * (x + v * slope)[:, None, :]
             S = np.linalg.inv(np.eye(p) + L)
         else:

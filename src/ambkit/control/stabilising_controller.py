@@ -20,6 +20,7 @@ from ambkit.control.held_loop import (
     Sensitivities,
     Stabilisation,
     overshoot,
+    pid_response,
     sensitivities,
 )
 from ambkit.control.linear.closed_loop import Loop
@@ -143,14 +144,9 @@ def _peaks(
     machine: Machine, candidates: list[Gains], f: Array, P: Complex, E: Complex | None
 ) -> Array:
     """Return the higher peak of abs(S) of both loops for each candidate, stable or not."""
-    # The controller's response is written out, as `controller` has it in states: hundreds are
-    # asked.
     T, volts = machine.sampling_time, 1 / machine.amplifier.gain
-    kp, ki, kd, T_f, *_ = np.array(candidates).T[:, :, None]
-    z = np.exp(2j * np.pi * f * T)
-    x, v = volts * (kp + ki * T / (z - 1)), volts * kd
-    share = 1 / (T_f + T)
-    slope = share * (1 - 1 / z) / (1 - (1 - T * share) / z)
+    gains = np.array(candidates).T[:, :, None]
+    x, v, slope = pid_response(gains, np.exp(2j * np.pi * f * T), T, volts)
     S = [1 / (1 + P * (x + v * slope) / machine.sensor.gain)]
     if E is not None:
         fed = x * E[:, 0, 0] + v * E[:, 1, 0]

@@ -37,11 +37,13 @@ def contradictions(read: Read, unchecked: Callable[..., Any]) -> Iterator[tuple[
     )
     yield from double_names("bearing", bearings)
     yield from double_names("sensor", sensors)
-    yield from off_the_rotor(read, bearings, sensors)
-    yield from loose(bearings, sensors)
+    has_places = not any(bearing.type == "single" for bearing in bearings)  # a mass has none
+    if has_places:
+        yield from off_the_rotor(read, bearings, sensors)
+        yield from loose(bearings, sensors)
     yield from too_fast(read, sensors)
     yield from unbalance_contradictions(read)
-    if not any(bearing.type == "single" for bearing in bearings):
+    if has_places:
         yield from too_heavy(read, bearings, sensors, unchecked)
     yield from unseen(read, bearings, sensors)
 
@@ -50,8 +52,6 @@ def off_the_rotor(
     read: Read, bearings: tuple[BearingAt, ...], sensors: tuple[SensorAt, ...]
 ) -> Iterator[tuple[str, str]]:
     """Yield parts at places beyond the rotor."""
-    if any(bearing.type == "single" for bearing in bearings):
-        return  # a mass has no places
     first, second = read("rotor.first_end"), read("rotor.second_end")
     planes = read("unbalance")
     placed: dict[str, tuple[Any, ...]] = {"bearing": bearings, "sensor": sensors}
@@ -70,8 +70,6 @@ def loose(
     bearings: tuple[BearingAt, ...], sensors: tuple[SensorAt, ...]
 ) -> Iterator[tuple[str, str]]:
     """Yield coordinates that no bearing supports, or no sensor measures."""
-    if any(bearing.type == "single" for bearing in bearings):
-        return
     axes, readings = geometry.axes_of(bearings), geometry.readings_of(sensors)
     for key, lines, does in (("bearing", axes, "holds"), ("sensor", readings, "sees")):
         if not axes or not readings:
