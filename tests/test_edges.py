@@ -11,8 +11,9 @@ from ambkit import AmbkitError, Machine
 from ambkit.control.control import Mode
 from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.data.reading.clock import Clock, resample
+from ambkit.data.reading.first_machine import weight_scale
 from ambkit.data.reading.levitation_test import LevitationFit
-from ambkit.data.reading.position_search import Rotor, weight_scale
+from ambkit.data.reading.position_search import Rotor
 from ambkit.export.pil.loop import compare_bits
 from ambkit.fuzzy.rule_selection import BLOCKS, blocks_of
 from ambkit.judge.comparison.tuning import candidate_of_kind

@@ -45,7 +45,7 @@ _COMMON = {
 }
 _SPELLINGS = {
     "mil": "thou", "mils": "thou", "Volt": "V", "Volts": "V", "volts": "V", "Amps": "A",
-    "amps": "A", "Ampere": "A", "Second": "s",
+    "amps": "A", "Ampere": "A", "Second": "s", "MIL": "thou", "MILS": "thou", "SEC": "s",
 }  # fmt: skip
 """Notations of instruments; pint's mil is an angle."""
 _SPELLED = re.compile(rf"\b({'|'.join(_SPELLINGS)})\b")

@@ -98,15 +98,13 @@ def _national(content: bytes) -> tuple[str, str]:
     # Accents stand between ASCII letters, those of other scripts next to each other.
     letters = b"".join(re.findall(rb"[\x80-\xff][\x40-\xff]*[\x80-\xff]", content[:65536]))
     others = [("gb2312", "GB 2312"), ("cp932", "Shift JIS")]
-    if min(letters, default=0) >= 0xC0:
+    if min((letter for letter in letters if letter > 0x7F), default=0) >= 0xC0:
         is_cyrillic = re.search(rb"[\xc0-\xff]{4}", content)
         others = [("cp1251", "Windows-1251")] if is_cyrillic else []
     for codec, name in others if letters else ():
-        try:
-            content.decode(codec)
-        except UnicodeDecodeError:
-            continue
-        return codec, name
+        with suppress(UnicodeDecodeError):
+            if not re.search(r"[A-Za-z][^\x00-\x7f][a-z]|[\ue000-\uf8ff]", content.decode(codec)):
+                return codec, name
     return "latin-1", "Latin-1"
 
 

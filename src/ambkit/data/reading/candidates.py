@@ -19,7 +19,7 @@ BY_UNIT = "by its unit"
 TEXT = "times as text"  #: The first thing that speaks for such a channel.
 
 
-@dataclass
+@dataclass(eq=False)
 class Candidate:
     """One channel of a log, and what speaks for what it is."""
 
@@ -29,7 +29,10 @@ class Candidate:
     unit: str = ""  #: What the log says of its unit; empty where it does not.
     clock: str = ""  #: Name of the array with its times, where the file says so.
     role: str = ""  #: ``t``, ``y``, ``u``, ``i``, ``v``, ``r`` or, not known, empty.
+    called: str = ""  #: The role that its name says.
     why: list[str] = field(default_factory=list)  #: What speaks for that.
+    #: Channels that may have its role too, and why that is not sure.
+    rivals: list[tuple[Candidate, str]] = field(default_factory=list)
     estimated: bool = False  #: Whether it is an estimate of the rig's own.
     damage: RecordError | None = None  #: Why times as text cannot be read.
     turned: bool = False  #: Whether it counts the other way.
@@ -85,14 +88,24 @@ def _stamps(log: Log, key: str) -> Iterator[Candidate]:
         yield Candidate(name, where, moments.seconds, "s", role="t", why=why)
 
 
-_UNITS = r"[µuμ]m|mm/s|mps|m/s|mils?|mm|m|ms|[µuμ]s|ns|s|mA|A|mV|V|%|rpm|мкм|мм|м|мкс|мс|с|А|мА|В"
+_UNITS = r"[µuμn]m|mm/s|mps|m/s|mils?|mm|m|ms|[µuμ]s|ns|s|mA|A|mV|V|%|rpm|мкм|мм|м|мкс|мс|с|А|мА|В"
 _UNIT_AT_END = re.compile(
-    rf"(?P<name>.*?)(?:(?P<sign> in |, ?| */ ?|_+|_in_| +|(?<=[\u3000-\u9fff]))(?P<unit>{_UNITS})"
+    rf"(?P<name>.*?)(?:(?P<sign> in |, ?| */ ?|_+|_in_|\.| +|(?<=[\u3000-\u9fff]))"
+    rf"(?P<unit>{_UNITS}|m?m_s)"
     r"|(?<=[A-Z\d])[ _](?P<capitals>MILS?|UM|MM|MS|US))"
 )
 LENGTH_AT_END = re.compile(r"[ _/](?:[µunm]m|mils?)$")
 _UNIT_IN_BRACKETS = re.compile(rf"(.*?) ?[\[(] ?({_UNITS}) ?[\])](.*)")
-_IN_WORDS = {"mps": "m/s", "amps": "A", "amp": "A", "amperes": "A", "volts": "V", "s": "s"}
+_IN_WORDS = {
+    "mps": "m/s",
+    "mm_s": "mm/s",
+    "m_s": "m/s",
+    "amps": "A",
+    "amp": "A",
+    "amperes": "A",
+    "volts": "V",
+    "s": "s",
+}
 _TIMES = {"ms": "ms", "millis": "ms", "us": "us", "micros": "us", "ns": "ns"}  #: As a name.
 _OF_LETTERS = {"m": "yr", "s": "t", "A": "ui", "V": "u"}  #: Roles that have these units.
 _CYRILLIC = str.maketrans("мксАВ", "mµsAV")
@@ -116,6 +129,7 @@ def role_from_name(candidate: Candidate, in_amperes: bool = False) -> None:
     label = _own_part(label)
     named = role_of(label)
     role, candidate.estimated = named.role, named.estimated
+    candidate.called = role
     candidate.weak, candidate.drives = named.weak, named.drives
     measured = _known_unit(candidate)
     of_unit = _ROLES.get(measured, "")
@@ -137,7 +151,7 @@ def role_from_name(candidate: Candidate, in_amperes: bool = False) -> None:
         candidate.why.append("by its unit, against its name" if other else "by its name")
         candidate.weak = (named.weak or not named.of_what) and role != of_unit
     elif of_unit or measured not in ("", "1"):
-        candidate.role = of_unit or "-"
+        candidate.role = "" if of_unit == "u" else of_unit or "-"  # volts of a sensor, perhaps
         candidate.why.append(BY_UNIT)
 
 

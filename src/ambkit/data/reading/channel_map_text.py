@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,13 +10,15 @@ from ambkit.base.arrays import Array, interpolated
 from ambkit.base.escaping import toml_string
 from ambkit.base.units import factor
 from ambkit.data.files.log import FIRST, Log
+from ambkit.data.reading.ambiguity import ambiguities
 from ambkit.data.reading.candidates import Candidate
 from ambkit.data.reading.channel_statistics import correlation, seen, slow
+from ambkit.data.reading.choice import ProposedMap, choose, from_others
 from ambkit.data.reading.clock import examine, stated_step
 from ambkit.data.reading.derived_channels import is_filtered, rough, standardised
 from ambkit.data.reading.faults import noise
-from ambkit.data.reading.position_search import NO_NOISE, Rotor, WeightScale, in_steps, weight_scale
-from ambkit.data.reading.roles_by_motion import rate_likeness
+from ambkit.data.reading.first_machine import WeightScale, weight_scale
+from ambkit.data.reading.position_search import NO_NOISE, in_steps
 from ambkit.data.signals import si_unit
 
 _OF_Y = {
@@ -28,25 +29,6 @@ _OF_Y = {
 """Signals that have the direction of y, and why."""
 
 SLOW = 0.1  #: Pole times sampling time from which on a log is too slow for identification.
-_NAMES = {"i": "current", "k": "keyphasor"}
-
-
-@dataclass(frozen=True)
-class ProposedMap:
-    """Channels of one length, and what tells the rotor among them."""
-
-    channels: list[Candidate]  #: The channels, with their roles.
-    moves: Rotor | None  #: What tells position and control, where something floats.
-
-    def score(self) -> tuple[int, int, bool, bool, int]:
-        """By physics, then by names, then by the length."""
-        named = sum(
-            any(c.role in roles and not c.estimated for c in self.channels) for roles in ("y", "ui")
-        )
-        physics = 0 if self.moves is None else 1 + self.moves.fit.sure
-        time = any(c.role == "t" or c.clock for c in self.channels)
-        by_name = any("by its name" in c.why for c in self.channels)
-        return physics, named, time, by_name, self.channels[0].values.size
 
 
 def toml_lines(
@@ -67,7 +49,7 @@ class _Map:
         self.log, self.channels, self.moves, self.others = (
             log, assignment.channels, assignment.moves, others,
         )  # fmt: skip
-        self.chosen = _chosen(self.channels, self.moves) | _from_others(self.channels, others)
+        self.chosen = choose(self.channels, self.moves) | from_others(self.channels, others)
         self.everything = [*self.channels, *(c for group in others for c in group.channels)]
         arrays = {c.where.get("array") if len(c.where) > 1 else None for c in self.chosen.values()}
         self.array = str(arrays.pop() or "") if len(arrays) == 1 else ""
@@ -86,6 +68,8 @@ class _Map:
 
     def lines(self) -> Iterator[str]:
         """Yield time, signals, and what is not used."""
+        for role, rivals, why in ambiguities(self.chosen, self.channels, self.moves):
+            yield f"# ? {role}: {' or '.join(c.label for c in rivals)}: {why}."
         if self.array:
             yield f"array = {toml_string(self.array)}"
         if self.clock is None:
@@ -104,7 +88,8 @@ class _Map:
         if self.weight is not None and self.y is not None and self.u is not None:
             yield ""
             yield "# A first machine file, by gravity, for a rotor below one magnet:"
-            hiss, most = noise(self.y.values), float(abs(seen(self.u.values)).max())
+            most = float(abs(seen(self.u.values)).max()) * (self._amperes(self.u) or 1.0)
+            hiss = noise(self.y.values)
             yield from (f"#   {line}" for line in self.weight.machine(hiss, most, self._step()))
 
     def _time(self, clock: str) -> Iterator[str]:
@@ -152,8 +137,18 @@ class _Map:
         y, u = self.y, self.u
         if self.moves is None or not self.of_rotor or y is None or u is None or self.t is None:
             return None
-        current = (-1 if self.u_inverted else 1) * seen(u.values)
-        return weight_scale(self.moves, seen(y.values), current, self._step())
+        control = (-1 if self.u_inverted else 1) * interpolated(u.values)
+        position, amperes = interpolated(y.values), self._amperes(u)
+        if amperes is None:
+            return None
+        return weight_scale(self.moves, position, control, self._step(), amperes)
+
+    def _amperes(self, u: Candidate) -> float | None:
+        """Return the amperes of a unit of the control; 0 of a voltage, None where not known."""
+        unit = u.unit or _likely_unit(u)
+        if si_unit(unit) == "A":  # counts of a converter would be guessed as mA
+            return factor(unit, "A") if u.unit or unit == "A" else None
+        return 0.0
 
     def _signal(self, role: str, candidate: Candidate) -> Iterator[str]:
         clock, there = candidate.clock, seen(candidate.values)
@@ -265,70 +260,12 @@ class _Map:
             yield f"# {candidate.label}: {low:.4g} to {high:.4g}{unit}{why}"
 
 
-def _chosen(results: list[Candidate], moves: Rotor | None) -> dict[str, Candidate]:
-    """Give each signal of a record its channel; the estimates of the rig are logged signals."""
-    chosen: dict[str, Candidate] = {}
-    if moves is not None and not results[moves.position].estimated:
-        chosen["y"] = results[moves.position]
-    for role in ("t", "y", "u", "i", "r", "k"):
-        there = [c for c in results if c.role == role and not c.estimated]
-        if role == "t":
-            there.sort(key=_jumps)
-        if there:
-            chosen.setdefault(role, there[0])
-    if "u" not in chosen and "i" in chosen:
-        chosen["u"] = chosen.pop("i")
-    elif "i" in chosen and chosen["u"].drives:
-        chosen["control"], chosen["u"] = chosen["u"], chosen.pop("i")
-    for role, name in (("y", "x_logged"), ("v", "v_logged")):
-        logged = [c for c in results if c.role == role and (c.estimated or role == "v")]
-        position = chosen.get("x_logged", chosen.get("y")) if role == "v" else None
-        if logged:
-            chosen[name] = max(logged, key=lambda c: (c.estimated, _goes_as_rate(c, position)))
-    order = ("t", "y", "u", "control", "r", "i", "x_logged", "v_logged", "k")
-    return {_NAMES.get(role, role): chosen[role] for role in order if role in chosen}
-
-
-def _goes_as_rate(c: Candidate, position: Candidate | None) -> float:
-    """Return how much a velocity follows the rate of a position, 0 where none is there."""
-    if position is None or c.values.shape != position.values.shape:
-        return 0.0
-    return rate_likeness(c, position)
-
-
 def _has_no_noise(candidate: Candidate) -> bool:
     """Whether a channel is too smooth for what a sensor showed."""
     values = interpolated(seen(candidate.values))
     if values.size < 100 or np.ptp(values) == 0 or in_steps(values):
         return False
     return rough(standardised(values[np.newaxis])[0]) < NO_NOISE
-
-
-def _jumps(clock: Candidate) -> int:
-    """Return how many steps of a clock are no usual ones."""
-    steps = np.diff(seen(clock.values))
-    usual = float(np.median(steps)) if steps.size else 0.0
-    return int(np.sum(np.abs(steps - usual) > 0.5 * abs(usual)))
-
-
-def _from_others(results: list[Candidate], others: Sequence[ProposedMap]) -> dict[str, Candidate]:
-    """Return y or u of another length, with a time there, where these channels have none."""
-    lacking = {
-        "y": not any(c.role == "y" and not c.estimated for c in results),
-        "u": not any(c.role in ("u", "i") and not c.estimated for c in results),
-    }
-    timed = [other.channels for other in others if any(c.role == "t" for c in other.channels)]
-    if not any(c.role == "t" for c in results) or all(lacking.values()):
-        return {}
-    there = {}
-    for signal, roles in (("y", ("y",)), ("u", ("u", "i"))):
-        named = [
-            c for role in roles for group in timed for c in group
-            if c.role == role and not c.estimated and "by its name" in c.why
-        ]  # fmt: skip
-        if lacking[signal] and named:
-            there[signal] = named[0]
-    return there
 
 
 def _own_time(

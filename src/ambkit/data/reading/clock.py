@@ -303,7 +303,7 @@ def describe_shift(name: str, delay: float, step: float) -> str:
 _HERTZ = r"f[_ ]?s|f_?(?:sample|abtast)|rate|(?:sampl\w*|scan|abtast)[ _]?(?:rate|freq\w*)|采样率"
 _STEP = r"d[_ ]?t|t[_ ]?s|(?:sampl\w*|abtast|delta)[ _]?(?:[tx]|time|int|period|zeit)\w*|采样周期"
 _STATED = re.compile(
-    rf"(?i)\b(?:(?P<rate>{_HERTZ})|{_STEP})\b(?:[ [(]*(?P<before>k?hz|[mµu]?s)\b)?"
+    rf"(?i)\b(?:(?P<rate>{_HERTZ})|{_STEP})(?![^\W_])(?:[ _[(]*(?P<before>k?hz|[mµu]?s)\b)?"
     r"[^\w\n.+-]{1,4}(?P<value>\d*\.?\d+(?:e[+-]?\d+)?)"
     r"(?!\d|/\w)[\]) ,]*(?P<unit>[km]?(?:hz|s/s)|[mkµu]?s\b)?"
 )

@@ -46,7 +46,12 @@ class LevitationFit:
     box: int  #: Length of the kernel's box in that band [samples].
     evidence: float  #: Sum of these shares over all bands that agree.
     sure: bool  #: Whether three neighbouring bands tell the same; else it is two, and more loosely.
-    voltage: bool = False  #: Whether the control is a voltage, which the current lags behind.
+    rate: float = 0.0  #: Of the coil that a voltage drives, R/L [1/sample]; 0 of a current.
+
+    @property
+    def voltage(self) -> bool:
+        """Whether the control is a voltage, which the current lags behind."""
+        return self.rate > 0
 
 
 @dataclass(frozen=True)

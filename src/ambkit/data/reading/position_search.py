@@ -7,7 +7,7 @@ values hardly ever repeat; otherwise the noisier one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -319,68 +319,3 @@ def _families(listed: Sequence[Band], box: int) -> Bools:
     steady &= abs(np.sign(slope).sum(0)) == len(near)
     close = np.array([levitation.turning(band) for band in near]).max(0) > CLOSE
     return np.asarray((steady | steady.T) & close) | np.eye(len(close), dtype=bool)
-
-
-G = 9.81  #: Standard gravity, rounded [m/s²].
-ABOVE = 0.99  #: Share of the samples in which a coil's current is not below zero, but for noise.
-EXPLAINED = 0.5  #: Share of the acceleration's variance that the fit explains at least.
-
-UNITS = {"m": 1.0, "mm": 1e-3, "µm": 1e-6}
-
-TRUST = 2.0  #: Ratio to a usual unit within which it is taken; noise reduces the length.
-
-
-@dataclass(frozen=True)
-class WeightScale:
-    """What gravity tells of a rotor below one magnet."""
-
-    gap: float  #: From the magnet to the rotor where it usually floats, as the magnet sees it [m].
-    scale: float  #: Metres per unit of the logged position.
-    zero: float  #: The logged position at which that gap would be 0.
-    unit: str  #: The usual unit next to the scale.
-    current: float  #: That carries the rotor there [A].
-
-    def describe(self, label: str, unit: str) -> Iterator[str]:
-        """Say it in lines."""
-        yield (
-            f"If one magnet carries it: by gravity {label} is about {self.scale:.2g} m a unit, and "
-            f"its gap {1e3 * self.gap:.3g} mm at its median, so 0 near {self.zero:.3g}."
-        )
-        factor = self.scale / UNITS[self.unit]
-        if not unit and not 1 / TRUST < factor < TRUST:
-            yield (
-                f"scale = {factor:.2g}  # by gravity: no usual unit. Check it: noise and hum put "
-                "it off"
-            )
-
-    def machine(self, noise: float, most: float, step: float) -> Iterator[str]:
-        """Write the machine file of such a rotor of 1 kg."""
-        # noise [logged units], most current [A], step [s]; k from the balance m g = k (i/s)^2.
-        constant = G * self.gap**2 / self.current**2
-        yield from (
-            'name = "rig"', f'sampling_time = "{1e3 * step:.4g} ms"',
-            "[magnet]", 'type = "one-sided"',
-            f'magnet_constant = "{1e6 * constant:.4g} N mm^2/A^2"  # times the mass in kg',
-            f'air_gap = "{1e3 * self.gap:.4g} mm"', f'bias_current = "{self.current:.4g} A"',
-            "[rotor]", 'mass = "1 kg"  # weigh it', 'gravity = "-x"',
-            f'clearance = "{0.8e3 * self.gap:.3g} mm"  # a guess',
-            "[amplifier]", 'gain = "1 A/V"', 'noise_variance = "1 mV^2"  # a guess',
-            f'current_limit = "{max(most - self.current, self.current):.3g} A"',
-            "[sensor]", "gain = 1", f'lag = "{1e2 * step:.2g} ms"  # a guess',
-            f'noise_variance = "{1e12 * (noise * self.scale) ** 2:.3g} um^2"',
-        )  # fmt: skip
-
-
-def weight_scale(moves: Rotor, position: Array, current: Array, step: float) -> WeightScale | None:
-    """Tell the gap and the scale of a hanging rotor; None where the current falls below zero."""
-    # position (n,); current (n,)
-    usual = float(np.median(current))
-    identifiable = moves.fit.sure and moves.fit.explained > EXPLAINED and step > 0
-    if not identifiable or not usual > 0 or np.mean(current > -0.05 * usual) < ABOVE:
-        return None
-    a = (moves.fit.pole / step) ** 2
-    b = abs(moves.gain) / step**2
-    gap, scale = 2 * G / a, 2 * G / (b * usual)
-    unit = min(UNITS, key=lambda name: abs(np.log(scale / UNITS[name])))
-    away = gap / scale * (1 if moves.turned else -1)
-    return WeightScale(gap, scale, float(np.median(position)) - away, unit, usual)

@@ -12,8 +12,9 @@ from ambkit.base.errors import RecordError
 from ambkit.base.escaping import one_line
 from ambkit.data.files.tables import read_log
 from ambkit.data.reading.candidates import Candidate, candidates
-from ambkit.data.reading.channel_map_text import ProposedMap, toml_lines
+from ambkit.data.reading.channel_map_text import toml_lines
 from ambkit.data.reading.channel_statistics import correlation, seen
+from ambkit.data.reading.choice import ProposedMap
 from ambkit.data.reading.plausibility import standstill
 from ambkit.data.reading.signal_roles import find_roles
 

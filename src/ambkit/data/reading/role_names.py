@@ -25,10 +25,10 @@ class NamedRole(NamedTuple):
 
 _QUANTITIES = {
     "t": r"time|\w*zeit\w*|czas|tijd|temps|tiempo|tempo|instant\w*|istante|timestamps?|seconds?|"
-         r"secs?|elapsed|clock|millis|micros|\w*uhr|shijian|时间|时刻|時間|時刻|врем\w*",
+         r"secs?|elapsed|clock|millis|micros|\w*uhr|shijian|sj|时间|时刻|時間|時刻|врем\w*",
     "-": r"err|error|regelabweichung|regelfehler|\w*temp\w*|status|state|mode|flags?|n?rpm|"
          r"\w*drehzahl|omega|idx|count\w*|sample\w*|tick|power|leistung|\w*kraft|force|"
-         r"druck|phase|phi|angle|winkel|beschl\w*|acc|accel\w*|fehler|fuerza|effort|zhuansu|wendu|"
+         r"druck|phase|phi|angle|winkel|beschl\w*|acc|accel\w*|fehler|fuerza|zhuansu|wendu|"
          r"wucha|pressure|enable\w*|humid\w*|ambient|ошибка|оборот\w*|темп\w*|скоростьвращения|сила|"
          r"转速|温度|误差|序号|回転数|誤差",
     "k": r"key_?ph\w*|kphi?|kph|\w*mark[ae]?|tach\w*|trigger|trig|\w*imp(?:uls)?|\w*pulses?|"
@@ -36,7 +36,7 @@ _QUANTITIES = {
     "v": r"vel|velocity|geschw\w*|[xyz]dot|d[xyz]|vitesse|velocidad\w*|velocit\w*|sudu|"
          r"скорость|速度",
     "i": r"cur|curr|currents?|\w*strom|ström\w*|amps?|amperes?|iu|imag|iq|i?coil|spule\w*|"
-         r"corriente|courant|corrente|intensi\w*|iout|dianliu|stroom|prąd|prad|ток\w*|电流|電流",
+         r"corriente|courant|corrente|intensi\w*|iout|dianliu|dl|stroom|prąd|prad|ток\w*|电流|電流",
     "stage": r"duty\w*|pwm\w*|dc|tastgrad|tastverh\w*|\w*aussteuer\w*|volt\w*|\w*spannung|"
              r"tensi\w*|ciclo|rapport|[uv]coil|v_?in|dianya|zhankongbi|напряж\w*|шим|скважность|"
              r"电压|占空比|電圧|デューティ",
@@ -47,7 +47,7 @@ _QUANTITIES = {
          r"messgr\w*|auslenk\w*|abweichung|exzent\w*|eccent\w*|excentr\w*|ecc|hall|prob[ae]|prox\w*|"
          r"ybobina|dsb|eddy|sonde|height|\w*hoehe|\w*höhe|alt\w*|hauteur\w*|jeu|verplaats\w*|"
          r"poł\w*|despl\w*|desloc\w*|spostam\w*|traslaz\w*|deplac\w*|entrehierro|separa\w*|"
-         r"traferro|wei[yz]h?i|qixi|jianxi|juli|положени\w*|смещени\w*|перемещ\w*|зазор|датчик|传感器|"
+         r"traferro|wei[yz]h?i|wy|qixi|jianxi|juli|положени\w*|смещени\w*|перемещ\w*|зазор|датчик|传感器|"
          r"位移|位置|气隙|间隙|変位|ギャップ|隙間|空隙|センサ",
 }  # fmt: skip
 _SPEED = r"speed"
@@ -61,7 +61,7 @@ _ORDER = r"comm?and\w*|cmd|zhiling|指令"  #: Of a control signal, where no qua
 _CONTROL = r"control|ctrl|stell\w*|steuer\w*|regelstrom|kongzhi|управл\w*|控制|制御"
 """A control current is a demanded one."""
 _ACTUAL = (
-    r"ist|istwert|act|actual|meas|measured|mess|messwert|fbk|feedback|fdbk|mon|monitor|raw|roh|"
+    r"ist|istwert|act|actual|meas|measure\w*|mess|messwert|fbk|feedback|fdbk|mon|monitor|raw|roh|"
     r"medid\w*|misur\w*|mesur\w*|lida|lu|измер\w*|celiang|shiji|fankui|"
     r"反馈|实测|测量|实际|実測|測定|検出"
 )
@@ -93,6 +93,7 @@ def role_of(label: str) -> NamedRole:
     spaced = unicodedata.normalize("NFC", spaced)
     spaced = re.sub(r"(?<=[a-zäöüß])(?=[A-ZÄÖÜ])", " ", spaced).lower()
     spaced = _UNSPACED.sub(r" \g<0> ", _COMPOUND.sub(r" \g<0> ", spaced.replace("_", " ")))
+    spaced = re.sub(r"\bpower (?=amp|stage)", "", spaced)  # of an amplifier, and no power
     tokens = [w for w in re.split(r"\W+", spaced) if w]
     words: list[str] = []
     for token in tokens:

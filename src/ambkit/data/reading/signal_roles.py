@@ -1,111 +1,234 @@
-"""Role of each channel of a log: from names and units if it has them, else from physics.
+"""Role of each channel of a log: what its name and its unit say, against what it does.
 
-Position and current come first (`ambkit.data.reading.position_search`). A velocity is the
-derivative of the position, a reference follows the position without its noise, an estimate lies
-within that noise. If no channel moves as a rotor does, nothing is guessed.
+First come the time, the position and its control; what moves as a levitated rotor does goes before
+names (`ambkit.data.reading.rotor_roles`). Each other channel is compared with the position: it
+keeps the role of its name unless it does not go as that would, and without a name it has the role
+that its motion speaks for.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import permutations, takewhile
 
 import numpy as np
 
-from ambkit.base.arrays import Array, interpolated
+from ambkit.base.arrays import Array
 from ambkit.data.reading.candidates import BY_UNIT, LENGTH_AT_END, TEXT, Candidate, role_from_name
-from ambkit.data.reading.channel_statistics import (
-    COMPARED,
-    LOOKED_AT,
-    correlation,
-    is_few,
-    seen,
-    slow,
-)
-from ambkit.data.reading.derived_channels import same_numbers
-from ambkit.data.reading.faults import noise
-from ambkit.data.reading.position_search import RELATED, Rotor, in_steps, rotor
-from ambkit.data.reading.roles_by_motion import (
+from ambkit.data.reading.channel_statistics import COMPARED, correlation, is_few, seen, slow
+from ambkit.data.reading.comparison import (
     FOLLOWS,
     GOES_WITH,
-    LARGEST,
-    SHORT,
+    PASSED,
+    RAWER,
+    Beside,
     answers,
-    check_names,
-    eliminate,
-    find_commands,
-    is_near,
-    keep_rawest,
+    goes_with,
+    is_control,
+    is_filter_of,
     leads,
-    leave_other_axes,
     marks,
-    position_of,
-    rate_likeness,
 )
-from ambkit.data.signals import si_unit
+from ambkit.data.reading.position_search import RELATED, Rotor, in_steps
+from ambkit.data.reading.rotor_roles import find_rotor
 
+OWN = 3.0  #: Ratio of the noise that a control has of its own position to that of another axis.
 SAME_UNIT = 1.25  #: Ratio within which the two are counted in one unit: a demanded current.
-SETTLES = 2.0  #: Slope, over 1, of a position on a stepped reference.
 EVEN = 0.2  #: Part of the usual step by which the steps of a time without a name differ at most.
+LARGEST, SHORT = 0.6, 0.25  #: Shares of a turn that a mark takes, with a name and without one.
 
 
 def find_roles(results: list[Candidate]) -> Rotor | None:
     """Give each candidate the role that its name, its unit or its motion speak for."""
-    in_amperes = any(LENGTH_AT_END.search(c.label) for c in results)
-    numbered = len(results) > 2 and len({re.sub(r"\d+", "", c.label) for c in results}) == 1
-    for candidate in results:
-        candidate.values = np.where(np.isfinite(candidate.values), candidate.values, np.nan)
-        if not numbered or candidate.unit:  # V1, V2, V3 are no names
-            role_from_name(candidate, in_amperes)
+    _read_names(results)
     _find_time(results)
-    keep_rawest(results)
-    check_names(results)
-    find_commands(results)
-    leave_other_axes(results)
-    letters, volts = _doubtful_roles(results)
-    for candidate in results:
-        if candidate.role == "k":
-            candidate.why.append(marks(candidate, LARGEST) or "without marks of a turn")
-            candidate.role = "k" if candidate.why[-1][0] == "t" else "-"
-        if not candidate.role and np.ptp(seen(candidate.values)) == 0:
-            candidate.why.append(f"is {candidate.values[0]:g} all the time")
-            candidate.role = "-"
-    moves = _find_rotor(results)
-    check_names(results)
-    find_commands(results, ("i", ""))
-    eliminate(results, volts)
+    _sort_positions(results)
+    _check_names(results)
+    _find_commands(results)
+    _leave_other_axes(results)
+    moves = find_rotor(results)
+    _check_names(results)
+    _find_commands(results, ("i", ""))
+    _eliminate(results)
     _find_stage(results)
-    _settle_references(results, letters)
-    y = position_of(results)
-    y = y if moves is None else results[moves.position]
+    _settle_references(results)
+    y = position_of(results) if moves is None else results[moves.position]
     if y is not None:
-        size = _size(y)
         for candidate in results:
-            if candidate is not y and candidate.values.shape == y.values.shape:
-                _beside(candidate, y, size)
-    if y is not None and any(c.role in ("u", "i") and not c.estimated for c in results):
-        for candidate in results:
-            if candidate.role in ("", "-") and (why := marks(candidate, SHORT)):
-                candidate.role = "k"
-                candidate.why.append(why)
+            _beside(candidate, y)
+    _find_marks(results)
     return moves
 
 
-def _doubtful_roles(results: list[Candidate]) -> tuple[list[Candidate], list[Candidate]]:
-    """Take the role from references by a letter and from volts, if none is named a position."""
-    if any(c.role == "y" and not c.estimated for c in results):
-        return [], []
-    letters = [c for c in results if c.role == "r" and c.weak]
-    volts = [c for c in results if c.role == "u" and c.why[-1] == BY_UNIT]  # of a sensor, perhaps
-    for candidate in [*letters, *volts]:
-        candidate.role = ""
-        candidate.why.pop()
-    return letters, volts
+def _read_names(results: Sequence[Candidate]) -> None:
+    """Take the roles that names and units say; a constant has none."""
+    in_amperes = any(LENGTH_AT_END.search(c.label) for c in results)
+    numbered = len(results) > 2 and len({re.sub(r"\d+", "", c.label) for c in results}) == 1
+    for c in results:
+        c.values = np.where(np.isfinite(c.values), c.values, np.nan)
+        if not numbered or c.unit:  # V1, V2, V3 are no names
+            role_from_name(c, in_amperes)
+        if c.role == "k":
+            c.why.append(marks(c, LARGEST) or "without marks of a turn")
+            c.role = "k" if c.why[-1][0] == "t" else "-"
+        if not c.role and np.ptp(seen(c.values)) == 0:
+            c.why.append(f"is {c.values[0]:g} all the time")
+            c.role = "-"
+
+
+def named(results: Sequence[Candidate], roles: str) -> list[Candidate]:
+    """Return the channels that have one of these roles and are no estimates."""
+    return [c for c in results if c.role and c.role in roles and not c.estimated]
+
+
+def position_of(results: Sequence[Candidate]) -> Candidate | None:
+    """Return the first channel that is a measured position."""
+    return next(iter(named(results, "y")), None)
+
+
+def _sort_positions(results: Sequence[Candidate]) -> None:
+    """Of channels that are named positions, find the estimates and the rates of others."""
+    places = named(results, "y")[:COMPARED]
+    for c in [c for c in places if c.why[-1] == BY_UNIT and is_few(c.values)][: len(places) - 1]:
+        c.role = ""  # a reference in metres
+    for c, y in permutations(places, 2):
+        if c.values.shape != y.values.shape or {c.role, y.role} != {"y"}:
+            continue
+        beside = Beside.of(c, y)
+        if beside.is_near and beside.noise < RAWER:
+            c.estimated = is_filter_of(c, y)
+            what = "an estimate of it" if c.estimated else "a second sensor"
+            c.why.append(f"lies within the noise of {y.label}, with less: {what}")
+        elif beside.rate > RELATED and not beside.in_one_unit:
+            c.role, c.estimated = "v", True
+            c.why.append(f"follows the rate of {y.label}")
+
+
+def _check_names(results: Sequence[Candidate]) -> None:
+    """Take their roles from velocities, references and estimates that y contradicts."""
+    y = position_of(results)
+    for c in results:
+        if y is None or c is y or c.values.shape != y.values.shape:
+            continue
+        if c.role not in ("v", "r") and not (c.role == "y" and c.estimated):
+            continue
+        beside, what = Beside.of(c, y), ""
+        if c.role == "v" and abs(beside.rate) <= (FOLLOWS if c.weak else GOES_WITH):
+            what = "the rate of"
+        elif c.role == "y" and beside.slowly < GOES_WITH:
+            what = "an estimate of"
+        elif c.role == "r" and beside.is_estimate:
+            c.role, c.estimated = "y", True
+            c.why[-1] = f"named like a reference, but lies within the noise of {y.label}"
+        elif c.role == "r" and np.ptp(seen(c.values)) > 0:
+            carries = c.unit in ("", "V") and not beside.is_few and is_control(c, y)
+            what = "a reference of" if carries or (c.weak and not beside.is_reference) else ""
+        if what:
+            c.role, c.estimated = "", False
+            c.why[-1] = f"by its name perhaps, but not by its motion, {what} {y.label}"
+
+
+def _leave_other_axes(results: Sequence[Candidate]) -> None:
+    """Of several controls, or currents, keep the one of the axis of y, by noise or by name."""
+    y = position_of(results)
+    if y is None:
+        return
+    axis = own_part(y, named(results, "y"))
+    for role in "ui":
+        alike = [c for c in named(results, role) if c.values.shape == y.values.shape]
+        if len(alike) < 2:
+            continue
+        shares = [answers(y, c) for c in alike]
+        most, second = sorted(shares)[:-3:-1]
+        called = [c for c in alike if axis and axis in own_part(c, alike)]
+        if most > max(OWN * second, PASSED):
+            own, why = alike[int(np.argmax(shares))], "goes with"
+        elif called:
+            own, why = called[0], "is named like"
+        else:
+            continue
+        for c in alike:
+            # What goes with it is its measurement, or the opposite coil.
+            if not (goes_with(c, own) if why == "goes with" else c in called):
+                c.role = "-"
+                c.why.append(f"{own.label} {why} {y.label}: another axis?")
+
+
+def own_part(c: Candidate, alike: Sequence[Candidate]) -> str:
+    """Return the part of a name that others of its kind do not share: ``a x`` of ``A_x_pos``."""
+    names = {
+        id(item): re.sub(r"[\W_]+", " ", re.sub(r"[\[(].*", "", item.label)).lower().strip()
+        for item in alike
+    }
+    if len({*names.values()}) < 2:
+        return ""
+    head, tail = _shared(names.values()), _shared(name[::-1] for name in names.values())
+    return names[id(c)][head : len(names[id(c)]) - tail].strip()
+
+
+def _shared(names: Iterable[str]) -> int:
+    """Return how many letters all names have in common at their start."""
+    return sum(
+        1 for _ in takewhile(lambda letters: len({*letters}) == 1, zip(*names, strict=False))
+    )
+
+
+def _find_commands(results: Sequence[Candidate], roles: Sequence[str] = ("i",)) -> None:
+    """Of two currents that go together take the one that leads for the demanded one."""
+    if named(results, "u"):
+        roles = [*roles, "u"]
+    currents = [
+        c for c in results if c.role in roles and not c.estimated and (c.role or in_steps(c.values))
+    ][:COMPARED]
+    for a, b in permutations(currents, 2):
+        if {a.role, b.role} == {""} or "u" in (b.role, *(roles if a.role == "i" else ())):
+            continue
+        alike = a.values.shape == b.values.shape
+        if alike and correlation(slow(a.values), slow(b.values)) > RELATED and leads(a, b):
+            b.why += [] if b.role else [f"follows {a.label}: the measured current"]
+            a.why += [] if a.role == "u" else [f"leads {b.label}: the demanded current"]
+            a.role, b.role = "u", "i"
+            return
+
+
+def _eliminate(results: Sequence[Candidate]) -> None:
+    """Find the position or the control by what is left beside the other one."""
+    mover, y = next(iter(named(results, "ui")), None), position_of(results)
+    left = [c for c in results if not c.role and not c.estimated and not marks(c, SHORT)]
+    volts = [c for c in left if c.why and c.why[-1] == BY_UNIT and c.unit.endswith("V")]
+    if mover is None and volts:
+        volts[0].role = "u"
+    elif mover is None and y is not None:
+        left += [c for c in named(results, "y") if c.weak and c is not y]  # x_drive
+        _take(y, left, "u")
+    elif mover is not None and y is None:
+        _take(mover, left, "y")
+
+
+def _take(known: Candidate, left: Sequence[Candidate], role: str) -> None:
+    """Give a role to the one of what is left that shares most of its noise with what is known."""
+    left = [c for c in left if c.values.shape == known.values.shape][:COMPARED]
+    pairs = [(known, c) if role == "u" else (c, known) for c in left]
+    shares = [answers(*pair) for pair in pairs]
+    if not left:
+        return
+    place = int(np.argmax(shares))
+    best = left[place]
+    # The opposite coil, an estimate, and the current that was measured, go with it.
+    apart = [s for c, s in zip(left, shares, strict=True) if not goes_with(c, best)]
+    called = best.role != "y" and (best.weak or len(left) == 1)  # command of what?
+    clear = shares[place] >= max(PASSED, OWN * max(apart, default=0.0))
+    control, position = pairs[place][::-1]
+    if (clear and (called or is_control(control, position))) or (role == "y" and len(left) == 1):
+        best.role = role
+        best.why.append("by elimination only")
+        best.rivals += [(c, "by elimination only") for c in left if c is not best][:2]
 
 
 def _find_stage(results: list[Candidate]) -> None:
     """See whether a control signal drives the current that was measured, in other units."""
-    u, i = (next((c for c in results if c.role == role and not c.estimated), None) for role in "ui")
+    u, i = (next(iter(named(results, role)), None) for role in "ui")
     # V, if it is no velocity; or a duty in per cent.
     u = u or next((c for c in results if not c.role and (c.weak or c.unit == "%")), None)
     if u is None or i is None or u.values.shape != i.values.shape:
@@ -129,18 +252,41 @@ def _find_stage(results: list[Candidate]) -> None:
         u.why.append(f"drives {i.label}, {ratio:.3g} A per unit: a duty or a voltage")
 
 
-def _settle_references(results: list[Candidate], letters: Sequence[Candidate]) -> None:
+def _settle_references(results: Sequence[Candidate]) -> None:
     """See to it that there is no reference without a position."""
-    if any(c.role == "y" and not c.estimated for c in results):
+    references = [] if named(results, "y") else named(results, "r")
+    weak = [c for c in references if c.weak]
+    for c in weak[:1]:
+        c.role = "y"
+        c.why.append("by its name, as no other channel is a position")
+    for c in references if not weak else ():
+        c.role = "-"
+        c.why.append("the reference of no position that is logged")
+
+
+def _beside(c: Candidate, y: Candidate) -> None:
+    """See whether a channel is a reference, an estimate of the position, or of its velocity."""
+    is_position = c.role == "y" and not c.estimated
+    if c is y or c.values.shape != y.values.shape or (c.role and not is_position):
         return
-    free = [c for c in letters if not c.role]
-    for candidate in free[:1]:
-        candidate.role = "y"
-        candidate.why.append("by its name, as no other channel is a position")
-    for candidate in results:
-        if candidate.role == "r" and not free:
-            candidate.role = "-"
-            candidate.why.append("the reference of no position that is logged")
+    beside = Beside.of(c, y)
+    if (not is_position or c.why[-1] == BY_UNIT) and beside.is_reference:
+        c.role = "r"
+        c.why.append(f"follows, or leads, {y.label} without its noise")
+    elif beside.is_rate and (not is_position or beside.rate > RELATED):
+        c.role, c.estimated = "v", True
+        c.why.append(f"follows the rate of {y.label} (correlation {beside.rate:.2f})")
+    elif not is_position and beside.is_near and beside.noise * RAWER < 1:
+        c.role, c.estimated = "y", True
+        c.why.append(f"lies within the noise of {y.label}: an estimate or a copy of it")
+
+
+def _find_marks(results: Sequence[Candidate]) -> None:
+    """Take a channel with marks of a turn for the keyphasor of a position and its control."""
+    for c in results if named(results, "y") and named(results, "ui") else ():
+        if c.role in ("", "-") and (why := marks(c, SHORT)):
+            c.role = "k"
+            c.why.append(why)
 
 
 def _find_time(results: list[Candidate]) -> None:
@@ -182,167 +328,3 @@ def _rises(values: Array, *, evenly: bool = False) -> bool:
         return False
     usual = np.median(steps)
     return not evenly or bool(np.mean(np.abs(steps - usual) < EVEN * usual) > 0.9)
-
-
-def _find_rotor(results: list[Candidate]) -> Rotor | None:
-    """Find position and control by how they move; names, where there are any, come first."""
-    named = {
-        role: next((c for c in results if c.role == role and not c.estimated), None)
-        for role in "yui"
-    }
-    y, control = named["y"], named["u"] or named["i"]
-    compared = _compared(results, y, [c for c in named.values() if c is not None])
-    if len(compared) < 2:
-        return None
-    rows = np.array([interpolated(c.values[:LOOKED_AT]) for c in compared])
-    copies = same_numbers(rows)
-    for k, same in copies.items():
-        is_control = compared[k].role in ("u", "i") and compared[same] is y and np.ptp(rows[k])
-        if not compared[k].role or is_control:  # no control is a copy of the position
-            compared[k].role = "-"
-            control = None if compared[k] is control else control
-            compared[k].why.append(f"holds the same numbers as {compared[same].label}")
-    distinct = [k for k in range(len(compared)) if k not in copies and np.ptp(rows[k]) > 0]
-    channels, rows = [compared[k] for k in distinct], rows[distinct]
-    places = {id(c): n for n, c in enumerate(channels)}
-    moves = rotor(rows, places.get(id(y)), places.get(id(control)))
-    if moves is None and (measured := places.get(id(named["i"]))) is not None:
-        moves = rotor(rows, places.get(id(y)), measured)
-    if moves is None and (y is not None or control is not None):
-        # A "command" may be the reference's.
-        roles = tuple("yuirv") if y is not None else tuple("yuirv-")
-        others = (c for c in results if c.role in roles and not c.estimated)
-        channels += [
-            c for c in others if c.values.shape == compared[0].values.shape and id(c) not in places
-        ]
-        if len(channels) < 2:
-            return None
-        moves = rotor(np.array([interpolated(c.values[:LOOKED_AT]) for c in channels[:COMPARED]]))
-        # Two bands do not outweigh a name, neither of a position nor of a current.
-        named_so = y is not None or (control is not None and control.role == "i")
-        if moves is None or (named_so and not moves.fit.sure):
-            _say_unconfirmed(y, channels, moves)
-            return None
-        _rename(channels, moves, y, control)
-    if moves is None or si_unit(channels[moves.position].unit or "m") not in ("m", "V", "1"):
-        return None
-    _name_rotor(moves, channels)
-    index = {id(c): n for n, c in enumerate(results)}
-    return moves.renumbered([index[id(c)] for c in channels])
-
-
-def _say_unconfirmed(
-    y: Candidate | None, channels: Sequence[Candidate], moves: Rotor | None
-) -> None:
-    """Say of a position that its motion does not confirm its name."""
-    if y is None:
-        return
-    y.why.append("its motion neither confirms nor refutes that")
-    if moves is not None and channels[moves.position] is not y:
-        position, mover = channels[moves.position], channels[moves.control]
-        y.why[-1] = (
-            f"though {position.label} moves with {mover.label} as a levitated rotor does, in two "
-            "bands of frequency only: is that the position?"
-        )
-
-
-def _rename(
-    channels: Sequence[Candidate], moves: Rotor, y: Candidate | None, control: Candidate | None
-) -> None:
-    """Take the roles from channels that do not move as named: physics goes first."""
-    position, mover = channels[moves.position], channels[moves.control]
-    moved = f"{position.label} moves with {mover.label} as a levitated rotor does"
-    for named, right, what in ((y, position, "a position"), (control, mover, "a control signal")):
-        if named is not None and named is not right:
-            named.role = ""
-            named.why[-1] = f"named like {what}, but {moved}"
-    for channel, roles in ((position, "y"), (mover, "ui")):
-        if channel.role and channel.role not in roles:
-            channel.why[-1] = "its name says otherwise"
-            channel.role = ""
-
-
-def _compared(
-    results: list[Candidate], y: Candidate | None, named: Sequence[Candidate]
-) -> list[Candidate]:
-    """Return the channels of one length that may be position and control."""
-    unnamed = [c for c in results if not c.role and not c.estimated]
-    if y is not None:
-        unnamed = [c for c in unnamed if c.values.shape == y.values.shape and c.clock == y.clock]
-    if y is None and unnamed:
-        unnamed = [c for c in unnamed if c.values.shape == unnamed[0].values.shape]
-    if y is None and not unnamed:  # a name may be wrong
-        unnamed = [c for c in results if c.role == "-" and np.ptp(seen(c.values)) > 0]
-    compared = [*named, *unnamed]
-    return [c for c in compared if c.values.shape == compared[0].values.shape][:COMPARED]
-
-
-def _name_rotor(moves: Rotor, channels: Sequence[Candidate]) -> None:
-    """Give the channels of a rotor their roles, and say why."""
-    position, mover = channels[moves.position], channels[moves.control]
-    kind, role = "current", "i"
-    how = f"{100 * moves.fit.explained:.0f} % of its acceleration explained"
-    how += "" if moves.fit.sure else ", in two bands of frequency only: to be verified"
-    if moves.fit.voltage:
-        kind, role, how = "voltage", "u", "third order, its current lags behind"
-    if not position.role:
-        position.role = "y"
-        position.why.append(f"moves as a levitated rotor does, with {mover.label}: {how}")
-    if not mover.role:
-        mover.role, mover.drives = role, moves.fit.voltage
-        mover.why.append(f"moves {position.label} as the {kind} of a levitated rotor does")
-    for rows_of, first, role in (
-        (moves.positions, position, "y"), (moves.controls, mover, mover.role),
-    ):  # fmt: skip
-        for estimate in [channels[k] for k in rows_of]:
-            referred = role == "y" and _is_reference(estimate, first, _size(first))
-            is_led = leads(first, estimate) or leads(estimate, first)
-            apart = estimate.unit != first.unit or (is_led and in_steps(estimate.values))
-            if estimate.role or referred or (role != "y" and apart):
-                continue
-            estimate.role, estimate.estimated = role, True
-            rawer = "less in steps" if in_steps(first.values) else "with less noise"
-            estimate.why.append(f"moves as {first.label}, {rawer}: an estimate of it")
-    for a, b in moves.others:
-        for k, other in ((a, b), (b, a)):
-            label = channels[other].label
-            channels[k].why.append(f"moves as a levitated rotor does with {label}: another axis?")
-
-
-def _size(y: Candidate) -> tuple[float, float]:
-    """Return how much a channel moves, and its noise."""
-    there = y.values[np.isfinite(y.values)]
-    return max(float(there.std()) if there.size else 0.0, 1e-300), noise(y.values)
-
-
-def _is_reference(candidate: Candidate, y: Candidate, size: tuple[float, float]) -> bool:
-    """Whether a channel goes with the position, at its size (`_size`), without its noise."""
-    scale = float(np.nanstd(candidate.values)) / size[0]
-    likeness = correlation(candidate.values, y.values)
-    if not scale > 0 or abs(likeness) < GOES_WITH:
-        return False
-    # The position settles on each level of a stepped reference.
-    few = is_few(candidate.values)
-    if abs(likeness) < RELATED:
-        return few and 1 / SETTLES < likeness / scale < SETTLES
-    return few or noise(candidate.values) < min(0.1 * size[1], 1e-4 * size[0]) * scale
-
-
-def _beside(candidate: Candidate, y: Candidate, size: tuple[float, float]) -> None:
-    """See whether a channel is a reference, an estimate of the position, or of its velocity."""
-    named = candidate.role == "y" and not candidate.estimated
-    if candidate.role and not named:
-        return
-    if (not named or candidate.why[-1] == BY_UNIT) and _is_reference(candidate, y, size):
-        candidate.role = "r"
-        candidate.why.append(f"follows, or leads, {y.label} without its noise")
-        return
-    likeness = correlation(candidate.values, y.values)
-    if abs(likeness) < RELATED:
-        # A current damps the motion: it goes against the rate.
-        if (likeness := rate_likeness(candidate, y)) > (RELATED if named else FOLLOWS):
-            candidate.role, candidate.estimated = "v", True
-            candidate.why.append(f"follows the rate of {y.label} (correlation {likeness:.2f})")
-    elif not named and is_near(candidate, y, size[1]):
-        candidate.role, candidate.estimated = "y", True
-        candidate.why.append(f"lies within the noise of {y.label}: an estimate or a copy of it")

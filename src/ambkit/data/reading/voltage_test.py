@@ -114,6 +114,6 @@ def _agreed(i: int, j: int, bands: Sequence[Array]) -> LevitationFit | None:
         ):  # fmt: skip
             best = LevitationFit(
                 i, j, float(pole.mean()), float(gain[1] / rate[1]), 0.0,
-                int(box[1]), float(evidence.sum()), False, voltage=True,
+                int(box[1]), float(evidence.sum()), False, float(rate.mean()),
             )  # fmt: skip
     return best

@@ -1,0 +1,77 @@
+"""Where names and motion do not both speak for a role, with what else the channel may be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from ambkit.data.reading.candidates import Candidate
+from ambkit.data.reading.comparison import (
+    PASSED,
+    RAWER,
+    Beside,
+    amplifies,
+    answers,
+    goes_with,
+    leads,
+)
+from ambkit.data.reading.position_search import Rotor
+from ambkit.data.reading.signal_roles import OWN, named, own_part
+
+BARELY = 2.0  #: Ratio by which the control of another axis has less of the position's noise.
+
+Ambiguity = tuple[str, tuple[Candidate, ...], str]  #: Role, channels that may have it, and why.
+
+
+def ambiguities(
+    chosen: Mapping[str, Candidate], channels: Sequence[Candidate], moves: Rotor | None
+) -> Iterator[Ambiguity]:
+    """Yield the roles that names and motion give to several channels, or one of both to none."""
+    for role, c in chosen.items():
+        yield from ((role, (c, other), why) for other, why in c.rivals)
+    y, u, current = (chosen.get(role) for role in ("y", "u", "current"))
+    if y is None:
+        return
+    alike = [c for c in channels if c.values.shape == y.values.shape and c is not y]
+    for c, why in _readings(y, alike):
+        yield "y and x_logged" if c is chosen.get("x_logged") else "y", (y, c), why
+    if u is None or u.values.shape != y.values.shape:
+        return
+    rest = [c for c in alike if c not in chosen.values()]
+    yield from (("u", (u, c), why) for c, why in _controls(u, y, rest))
+    passes_on = answers(y, u) > max(PASSED, OWN * answers(u, y))
+    if moves is None and not (passes_on and amplifies(u, y)):
+        yield "y and u", (y, u), "named so, but the motion confirms neither"
+    if current is not None and (leads(current, u) or not goes_with(current, u)):
+        what = "leads" if leads(current, u) else "goes its own way"
+        yield "u and current", (u, current), f"{current.label} {what}"
+
+
+def _readings(y: Candidate, alike: Sequence[Candidate]) -> Iterator[tuple[Candidate, str]]:
+    """Yield what else may be the reading of the position."""
+    for c in alike:
+        beside = Beside.of(c, y)
+        if not beside.is_near or beside.is_few or c.role not in ("", "y", "r"):
+            continue
+        if beside.noise > RAWER:
+            yield c, "it has the same motion, with as much noise"
+        elif c.role == "y" and not c.estimated:
+            yield c, "it has the same motion, and less noise, of its own: a second sensor"
+
+
+def _controls(
+    u: Candidate, y: Candidate, alike: Sequence[Candidate]
+) -> Iterator[tuple[Candidate, str]]:
+    """Yield what else may be the control of the position."""
+    own = answers(y, u)
+    for c in alike:
+        if c.estimated and c.role in ("u", "i") and not c.called and goes_with(c, u):
+            yield c, "it goes with it: a command or an estimate"
+    rivals = [c for c in alike if c.called in ("u", "i") and c.unit == u.unit]
+    rivals = [c for c in rivals if not c.estimated and not goes_with(c, u)]
+    for c in rivals:
+        if answers(y, c) > max(PASSED, own / BARELY):
+            yield c, f"it has as much of the noise of {y.label}"
+    axis = own_part(y, [y, *named(alike, "y")])
+    called = [c for c in rivals if axis and axis in own_part(c, [u, *rivals])]
+    if called and axis not in own_part(u, [u, *rivals]):
+        yield called[0], f"it is named like {y.label}"

@@ -1,0 +1,91 @@
+"""Which channel each signal of a record has, where several have the role."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ambkit.data.reading.candidates import Candidate
+from ambkit.data.reading.channel_statistics import seen
+from ambkit.data.reading.comparison import rate_likeness
+from ambkit.data.reading.position_search import Rotor
+
+_NAMES = {"i": "current", "k": "keyphasor"}
+
+
+@dataclass(frozen=True)
+class ProposedMap:
+    """Channels of one length, and what tells the rotor among them."""
+
+    channels: list[Candidate]  #: The channels, with their roles.
+    moves: Rotor | None  #: What tells position and control, where something floats.
+
+    def score(self) -> tuple[int, int, bool, bool, int]:
+        """By physics, then by names, then by the length."""
+        named = sum(
+            any(c.role in roles and not c.estimated for c in self.channels) for roles in ("y", "ui")
+        )
+        physics = 0 if self.moves is None else 1 + self.moves.fit.sure
+        time = any(c.role == "t" or c.clock for c in self.channels)
+        by_name = any("by its name" in c.why for c in self.channels)
+        return physics, named, time, by_name, self.channels[0].values.size
+
+
+def choose(results: list[Candidate], moves: Rotor | None) -> dict[str, Candidate]:
+    """Give each signal of a record its channel; the estimates of the rig are logged signals."""
+    chosen: dict[str, Candidate] = {}
+    if moves is not None and not results[moves.position].estimated:
+        chosen["y"] = results[moves.position]
+    for role in ("t", "y", "u", "i", "r", "k"):
+        there = [c for c in results if c.role == role and not c.estimated]
+        if role == "t":
+            there.sort(key=_jumps)
+        if there:
+            chosen.setdefault(role, there[0])
+    if "u" not in chosen and "i" in chosen:
+        chosen["u"] = chosen.pop("i")
+    elif "i" in chosen and chosen["u"].drives:
+        chosen["control"], chosen["u"] = chosen["u"], chosen.pop("i")
+    for role, name in (("y", "x_logged"), ("v", "v_logged")):
+        logged = [c for c in results if c.role == role and (c.estimated or role == "v")]
+        position = chosen.get("x_logged", chosen.get("y")) if role == "v" else None
+        if logged:
+            chosen[name] = max(logged, key=lambda c: (c.estimated, _goes_as_rate(c, position)))
+    order = ("t", "y", "u", "control", "r", "i", "x_logged", "v_logged", "k")
+    return {_NAMES.get(role, role): chosen[role] for role in order if role in chosen}
+
+
+def _goes_as_rate(c: Candidate, position: Candidate | None) -> float:
+    """Return how much a velocity follows the rate of a position, 0 where none is there."""
+    if position is None or c.values.shape != position.values.shape:
+        return 0.0
+    return rate_likeness(c, position)
+
+
+def _jumps(clock: Candidate) -> int:
+    """Return how many steps of a clock are no usual ones."""
+    steps = np.diff(seen(clock.values))
+    usual = float(np.median(steps)) if steps.size else 0.0
+    return int(np.sum(np.abs(steps - usual) > 0.5 * abs(usual)))
+
+
+def from_others(results: list[Candidate], others: Sequence[ProposedMap]) -> dict[str, Candidate]:
+    """Return y or u of another length, with a time there, where these channels have none."""
+    lacking = {
+        "y": not any(c.role == "y" and not c.estimated for c in results),
+        "u": not any(c.role in ("u", "i") and not c.estimated for c in results),
+    }
+    timed = [other.channels for other in others if any(c.role == "t" for c in other.channels)]
+    if not any(c.role == "t" for c in results) or all(lacking.values()):
+        return {}
+    there = {}
+    for signal, roles in (("y", ("y",)), ("u", ("u", "i"))):
+        named = [
+            c for role in roles for group in timed for c in group
+            if c.role == role and not c.estimated and "by its name" in c.why
+        ]  # fmt: skip
+        if lacking[signal] and named:
+            there[signal] = named[0]
+    return there

@@ -1,0 +1,161 @@
+"""What the motion says of one channel of a log beside another.
+
+An estimate has less noise than its original, a reference has none of it, a command leads the
+current that follows, and a controller passes on the noise of its own position only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from ambkit.base.arrays import interpolated
+from ambkit.data.reading.candidates import Candidate
+from ambkit.data.reading.channel_statistics import LOOKED_AT, correlation, is_few, seen, slow
+from ambkit.data.reading.derived_channels import LEAST_SAMPLES, is_filtered
+from ambkit.data.reading.faults import noise
+from ambkit.data.reading.position_search import RELATED
+
+GOES_WITH = 0.3  #: Correlation that a name needs.
+FOLLOWS = 0.7  #: Correlation that speaks without a name.
+SETTLES = 2.0  #: Slope, over 1, of a position on a stepped reference.
+ONE_SIZE = 5.0  #: Ratio of their sizes within which two axes of an orbit are.
+RAWER = 0.8  #: Noise of an estimate over that of its original, at most.
+CLEAN = 0.1  #: The same of a reference, at their sizes.
+SMOOTH = 1e-4  #: Noise of a reference over its size, at most.
+NOISY = 0.02  #: Noise of an estimate over that of its original, at least.
+LEADS = 1.2  #: Ratio by which a command leads the current that follows it, in correlations.
+LAGS = 6  #: Samples in which a controller passes on the noise of its position.
+PASSED = 0.05  #: Part of a control's noise that is that of its position, at least.
+AT_ONCE = 0.5  #: Part of the noise passed on that a copy passes on in the same sample.
+STEADY = 0.15  #: Change of the time of a turn from one to the next, over that time.
+
+
+@dataclass(frozen=True)
+class Beside:
+    """How a channel goes with a position."""
+
+    likeness: float  #: Correlation.
+    slowly: float  #: Correlation of the slow parts, without its sign.
+    rate: float  #: Correlation with the rate of the position.
+    scale: float  #: Size, over that of the position.
+    noise: float  #: Noise, over that of the position.
+    rough: float  #: Noise, over its own size.
+    is_near: bool  #: Whether it is the same motion within the noise.
+    is_few: bool  #: Whether it takes few values.
+
+    @classmethod
+    def of(cls, c: Candidate, y: Candidate) -> Beside:
+        """Compare a channel with a position of the same length."""
+        likeness, hiss, own = correlation(c.values, y.values), noise(y.values), noise(c.values)
+        size, scale = (max(float(seen(item.values).std()), 1e-300) for item in (y, c))
+        near = likeness > RELATED and np.nanmedian(np.abs(c.values - y.values)) < 3 * max(hiss, own)
+        return cls(
+            likeness, abs(correlation(slow(c.values), slow(y.values))), rate_likeness(c, y),
+            scale / size, own / max(hiss, 1e-300), own / scale, bool(near), is_few(c.values),
+        )  # fmt: skip
+
+    @property
+    def is_reference(self) -> bool:
+        """Whether it goes with the position, at its size, without its noise."""
+        if abs(self.likeness) < RELATED:  # the position settles on each level of a stepped one
+            settles = 1 / SETTLES < self.likeness / self.scale < SETTLES
+            return self.is_few and abs(self.likeness) > GOES_WITH and settles
+        return self.is_few or (self.noise < CLEAN * self.scale and self.rough < SMOOTH)
+
+    @property
+    def is_estimate(self) -> bool:
+        """Whether it is within the noise of the position, with less noise, but some."""
+        return self.is_near and NOISY < self.noise < 1 and not self.is_few
+
+    @property
+    def is_rate(self) -> bool:
+        """Whether it goes as the rate; a current damps the motion and goes against it."""
+        return abs(self.likeness) < RELATED and self.rate > FOLLOWS
+
+    @property
+    def in_one_unit(self) -> bool:
+        """Whether both may be axes of an orbit, of which each goes as the rate of the other."""
+        return 1 / ONE_SIZE < self.scale < ONE_SIZE
+
+
+def rate_likeness(c: Candidate, y: Candidate) -> float:
+    """Return how much a channel goes with the change of a position, by sample or slowly."""
+    if is_few(c.values):
+        return 0.0
+    step, slope = np.diff(y.values, prepend=y.values[:1]), np.gradient(slow(y.values))
+    pairs = (step, c.values), (slope, slow(c.values))
+    return max((correlation(*pair) for pair in pairs), key=abs)
+
+
+def goes_with(a: Candidate, b: Candidate) -> bool:
+    """Whether the slow parts of two channels are one, with either sign."""
+    return abs(correlation(slow(a.values), slow(b.values))) > RELATED
+
+
+def is_filter_of(c: Candidate, y: Candidate) -> bool:
+    """Whether the noise of a channel is made of that of a position; a sensor has its own."""
+    filtered = is_filtered(interpolated(c.values)) or c.values.size < LEAST_SAMPLES
+    return filtered or answers(y, c) > PASSED
+
+
+def answers(y: Candidate, u: Candidate, lags: int = LAGS) -> float:
+    """Return how much of a channel's noise is that of y, which a controller passes on."""
+    # Of second differences, in which hardly any motion is left.
+    if y.values.size < 4 * LAGS:
+        return 0.0
+    noise_of_y, rest = (np.diff(interpolated(c.values[:LOOKED_AT]), 2) for c in (y, u))
+    lagged = sliding_window_view(noise_of_y, lags)
+    rest = rest[lags - 1 :]
+    left = rest - lagged @ np.linalg.lstsq(lagged, rest, rcond=None)[0]
+    return 1 - float(left @ left) / max(float(rest @ rest), 1e-300)
+
+
+def is_control(u: Candidate, y: Candidate) -> bool:
+    """Whether a channel is what a controller makes of a position: no copy, estimate, or rate."""
+    # Over several samples, or more of what is fast; an error is a copy.
+    share = answers(y, u)
+    if share < PASSED or rate_likeness(u, y) > FOLLOWS:
+        return False
+    return amplifies(u, y) or (not goes_with(u, y) and answers(y, u, 1) < AT_ONCE * share)
+
+
+def amplifies(u: Candidate, y: Candidate) -> bool:
+    """Whether a channel has more of what is fast than a position, as a controller's output has."""
+    relative = [noise(c.values) / max(float(seen(slow(c.values)).std()), 1e-300) for c in (u, y)]
+    return relative[0] > LEADS * relative[1]
+
+
+def leads(a: Candidate, b: Candidate) -> bool:
+    """Whether a channel is the command of a current."""
+    return _follows(a, b) > max(LEADS * _follows(b, a), GOES_WITH)
+
+
+def _follows(a: Candidate, b: Candidate) -> float:
+    """Return how much the steps of b go with those of a up to three samples before."""
+    before, after = (np.diff(interpolated(c.values[:LOOKED_AT])) for c in (a, b))
+    return max(correlation(before[:-lag], after[lag:]) for lag in (1, 2, 3))
+
+
+def marks(candidate: Candidate, share: float) -> str:
+    """Describe the marks of a channel with two levels, at intervals that a speed explains."""
+    values = seen(candidate.values)
+    low, high = np.quantile(values, [0.005, 0.995])
+    above = values > (low + high) / 2
+    if above.all() or not above.any():
+        return ""
+    lowered = bool(np.mean(above) > 0.5)  # a mark lowers it
+    marked = ~above if lowered else above
+    levels = np.where(above, np.median(values[above]), np.median(values[~above]))
+    rises = np.flatnonzero(marked[1:] & ~marked[:-1])
+    far = np.mean(abs(values - levels) > 0.2 * np.ptp(levels))
+    if rises.size < 4 or far > 0.03 or np.mean(marked) > share:
+        return ""
+    apart = np.diff(rises)
+    steady = abs(np.diff(apart)) <= np.maximum(2, STEADY * apart[1:])
+    if np.median(apart) < 4 or np.mean(steady) < 0.9:
+        return ""
+    candidate.turned = lowered
+    return f"two levels and {rises.size} marks, {np.median(apart):.4g} samples apart"
