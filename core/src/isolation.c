@@ -1,10 +1,10 @@
 #include "isolation_sweep.h"
 #include "kalman_step.h"
 
-/* Share of its travel from which on a rotor is taken to be on its stop. */
+/* A rotor counts as on its stop from this share of its travel on. */
 #define ON_STOP AMB_C(0.95)
 
-/* Health of a reading that says nothing. */
+/* Health of a reading without information. */
 #define MISSING (AMB_MISSING | AMB_FROZEN | AMB_BAD_VARIANCE)
 
 int amb_isolation_row(const amb_isolation *iso)
@@ -34,15 +34,16 @@ void amb_isolation_reset(const amb_isolation *iso, amb_isolation_state *state)
   }
 }
 
-/* Half the sum of what both coils pull with, which differ by F and grow with the square of their
- * currents: k_i = 2 upper / (i0 + i) + 2 lower / (i0 - i). */
+/* Half the sum of the pulls of both coils, from their difference F and
+ * k_i = 2 upper / (i0 + i) + 2 lower / (i0 - i): a pull grows with the square of the current. */
 static amb_real both_coils(amb_real i0, amb_real i, amb_real F, amb_real k_i)
 {
   const amb_real both = (AMB_C(0.5) * k_i * ((i0 * i0) - (i * i))) + (F * i);
   return (amb_magnitude(i0) > AMB_C(0.0)) ? (both / (AMB_C(2.0) * i0)) : AMB_C(0.0);
 }
 
-/* Signals of a force at the currents that acted; they belong to the mean before. */
+/* Signals of each force, by the currents that acted since the last sample and the mean before it.
+ */
 static void put_forces(const amb_isolation *iso, amb_isolation_state *state, const amb_kalman *kf,
                        const amb_magnet magnet[AMB_FORCES], const amb_real last_u[AMB_CONTROLS],
                        amb_real *row)
@@ -70,7 +71,7 @@ static void put_forces(const amb_isolation *iso, amb_isolation_state *state, con
   }
 }
 
-/* Signals of the sensors come from the prediction: the mean has taken the innovation in. */
+/* Signals of the sensors are those of the prediction, not of the updated mean. */
 static void put_measurements(const amb_isolation *iso, amb_isolation_state *state,
                              const amb_kalman_state *filter, const amb_kalman_result *result,
                              amb_real *signal, amb_real *measured)
@@ -87,8 +88,8 @@ static void put_measurements(const amb_isolation *iso, amb_isolation_state *stat
   }
 }
 
-/* Gains of the sensors, each after those before it, by the covariance after the last one: that
- * before a sensor is the one after it and K K' S. */
+/* Gains of the sensors, which are taken in one after another, from the covariance after the last:
+ * before a sensor the covariance is larger by K K' S. */
 static void put_gains(const amb_isolation *iso, const amb_kalman *kf,
                       const amb_kalman_state *filter, const amb_kalman_result *result,
                       amb_real *gains)
@@ -116,18 +117,18 @@ static void put_gains(const amb_isolation *iso, const amb_kalman *kf,
   }
 }
 
-/* Turn a cosine and a sine; `to` may be `from`. */
+/* Rotate a cosine and a sine by an angle; `to` may be `from`. */
 static void rotate_tone(const amb_real from[2], amb_real cosine, amb_real sine, amb_real to[2])
 {
   const amb_real real = (from[0] * cosine) - (from[1] * sine);
   const amb_real imaginary = (from[1] * cosine) + (from[0] * sine);
   const amb_real longer = AMB_C(1.5) - (AMB_C(0.5) * ((real * real) + (imaginary * imaginary)));
-  to[0] = real * longer; /* rounding changes no length */
+  to[0] = real * longer; /* so rounding does not add up in the length */
   to[1] = imaginary * longer;
 }
 
-/* Cosine and sine of the tones, advanced from the row before; the last one by a small angle
- * more, of which the first terms of both series are enough. */
+/* Cosine and sine of the tones, advanced from the row before; the last one by `more` [rad] in
+ * addition, by the first terms of both series. */
 static void put_tones(const amb_isolation *iso, const amb_real *before, amb_real more,
                       amb_real *tone)
 {
@@ -188,7 +189,7 @@ void amb_isolation_put(const amb_isolation *iso, amb_isolation_state *state, con
   amb_copy(n, mean, state->mean);
   state->count++;
   if (state->seen < AMB_ISOLATION_LEAST) {
-    state->seen++; /* signals of the past are none yet */
+    state->seen++; /* the late currents are not filled yet */
     state->filled = 1;
   } else {
     state->filled = (state->filled < rows) ? (state->filled + 1) : rows;

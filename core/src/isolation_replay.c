@@ -1,26 +1,26 @@
 #include "isolation_replay.h"
 #include "isolation_sweep.h"
 
-/* Share of a column that is left beside others, below which they are the same. */
+/* Columns are dependent where less than this share of one is left beside the others. */
 #define SAME AMB_C(1e-4)
 
-/* Steps of Gauss and Newton at most, and the gain [1] by which another one is worth while, at least
- * as a share of l. */
+/* Gauss-Newton steps at most; another one is worth while if it promises to gain so much [1], and
+ * this share of l. */
 #define STEPS 6
 #define WORTH AMB_C(1.0)
 #define WORTH_SHARE AMB_C(1e-4)
 
-/* The error of the filter by faults of the sizes, and its derivatives by these. */
+/* Error of the filter made by the faults (p = 0), and its derivatives by their sizes. */
 typedef struct motion {
   amb_real d[1 + MOST_COLUMNS][AMB_STATES];
   amb_real lagged[1 + MOST_COLUMNS]; /* of the reading with more lag */
-  amb_real rho[1 + MOST_COLUMNS];    /* along one direction */
+  amb_real rho[1 + MOST_COLUMNS];    /* force or reading along one direction */
   amb_real residual[AMB_SENSORS];    /* of the last sample */
-  int first[MOST_COLUMNS];           /* terms of the columns */
-  int after[MOST_COLUMNS];
+  int first[MOST_COLUMNS];           /* terms of each column: the first ... */
+  int after[MOST_COLUMNS];           /* ... and the one after the last */
 } motion;
 
-/* What a replay leaves for the next step. */
+/* Normal equations of the next step. */
 typedef struct normal {
   amb_real explains;
   amb_real correlated;
@@ -53,7 +53,7 @@ amb_real amb_explained(int count, amb_real M[MOST_COLUMNS][MOST_COLUMNS],
   }
   if ((size != NULL) && (variance != NULL)) {
     for (int i = count - 1; i >= 0; i--) {
-      amb_real inverse[MOST_COLUMNS]; /* row i of L' to the minus one */
+      amb_real inverse[MOST_COLUMNS]; /* row i of the inverse of L' */
       amb_clear(MOST_COLUMNS, inverse);
       size[i] = (D[i] > AMB_C(0.0)) ? (v[i] / D[i]) : AMB_C(0.0);
       variance[i] = AMB_C(0.0);
@@ -72,25 +72,18 @@ amb_real amb_explained(int count, amb_real M[MOST_COLUMNS][MOST_COLUMNS],
   return sum;
 }
 
-/* The signal of a term by the error p beyond that of the estimate. */
+/* What error p adds to the signal of a term, which has a gradient. */
 static amb_real by_error(const amb_isolation *iso, const amb_fault_term *term, const motion *now,
                          int p)
 {
   const int n = iso->states;
   const int row = (int)term->gradient - 1;
-  amb_real value = AMB_C(0.0);
-  if (row >= iso->gradients) { /* a reading with more lag */
-    const amb_real *H = iso->H + ((row - iso->gradients) * n);
-    value = now->lagged[p] - dot(n, H, now->d[p]);
-  } else if (row >= 0) {
-    value = dot(n, iso->gradient + (row * n), now->d[p]);
-  } else {
-    value = AMB_C(0.0);
-  }
-  return value;
+  const int sensor = row - iso->gradients; /* of a reading with more lag */
+  return (sensor < 0) ? dot(n, iso->gradient + (row * n), now->d[p])
+                      : (now->lagged[p] - dot(n, iso->H + (sensor * n), now->d[p]));
 }
 
-/* What the faults do along a direction in a sample. */
+/* Force or reading added by the faults along a direction, and its derivatives by their sizes. */
 static void act(const amb_isolation *iso, const amb_real *row, int direction, const replay *of,
                 const amb_real size[], motion *now)
 {
@@ -173,6 +166,7 @@ static void step_over_update(const amb_isolation *iso, const amb_real *row, int 
   }
 }
 
+/* Terms of each column: they are in the order of their columns. */
 static void find_terms(const amb_isolation *iso, const replay *of, motion *now)
 {
   for (int j = 0; j < of->columns; j++) {
@@ -186,12 +180,11 @@ static void find_terms(const amb_isolation *iso, const replay *of, motion *now)
   }
 }
 
-/* Step the error by faults of these sizes through the window. */
+/* Step the error made by faults of these sizes through the window; `now` has their terms. */
 static normal along(const amb_isolation *iso, const amb_isolation_state *state, int newest,
-                    const replay *of, const amb_real size[])
+                    const replay *of, const amb_real size[], motion *now)
 {
   const int rows = iso->window + iso->spare;
-  motion now;
   normal sum;
   sum.explains = AMB_C(0.0);
   sum.correlated = AMB_C(0.0);
@@ -200,17 +193,16 @@ static normal along(const amb_isolation *iso, const amb_isolation_state *state, 
     amb_clear(MOST_COLUMNS, sum.M[j]);
   }
   for (int p = 0; p <= MOST_COLUMNS; p++) {
-    amb_clear(AMB_STATES, now.d[p]);
+    amb_clear(AMB_STATES, now->d[p]);
   }
-  amb_clear(1 + MOST_COLUMNS, now.lagged);
-  amb_clear(AMB_SENSORS, now.residual);
-  find_terms(iso, of, &now);
+  amb_clear(1 + MOST_COLUMNS, now->lagged);
+  amb_clear(AMB_SENSORS, now->residual);
   for (int ago = of->since - 1; ago >= 0; ago--) {
     const int place = (newest + rows - ago) % rows;
     const amb_real *row = state->ring + (place * amb_isolation_row(iso));
-    step_over_prediction(iso, row, of, size, &now);
+    step_over_prediction(iso, row, of, size, now);
     for (int r = 0; r < iso->sensors; r++) {
-      step_over_update(iso, row, r, of, size, &now, &sum);
+      step_over_update(iso, row, r, of, size, now, &sum);
     }
   }
   return sum;
@@ -221,12 +213,14 @@ void amb_replay_fit(const amb_isolation *iso, const amb_isolation_state *state, 
 {
   amb_real trial[MOST_COLUMNS];
   amb_real step[MOST_COLUMNS];
+  motion now;
   bool begun = false;
   bool worth = true;
+  find_terms(iso, of, &now);
   amb_copy(of->columns, of->size, trial);
   amb_clear(MOST_COLUMNS, step);
   for (int k = 0; worth && (k < STEPS); k++) {
-    normal sum = along(iso, state, newest, of, trial);
+    normal sum = along(iso, state, newest, of, trial, &now);
     if (!begun || (sum.explains > of->explains)) {
       begun = true;
       of->explains = sum.explains;
@@ -234,7 +228,7 @@ void amb_replay_fit(const amb_isolation *iso, const amb_isolation_state *state, 
       amb_copy(of->columns, trial, of->size);
       worth = amb_explained(of->columns, sum.M, sum.g, step, of->variance) >
               amb_at_least(WORTH, WORTH_SHARE * sum.explains);
-    } else { /* too far: half the way */
+    } else { /* too far: halve the step */
       for (int j = 0; j < of->columns; j++) {
         step[j] *= AMB_C(0.5);
       }

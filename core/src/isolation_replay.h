@@ -1,4 +1,5 @@
-/* Faults by a replay of the filter's error along the window, not linearised in their sizes. */
+/* Replay of faults: the error that they make in the filter is stepped along the window, and their
+ * sizes are fitted without linearising in them. */
 #ifndef AMBKIT_ISOLATION_REPLAY_H
 #define AMBKIT_ISOLATION_REPLAY_H
 
@@ -8,23 +9,23 @@ AMB_EXTERN_C_BEGIN
 
 #define MOST_COLUMNS 4 /* of two faults */
 
-/* Faults that began `since` samples ago, and the sizes that explain most. */
+/* Faults that began `since` samples ago, and the sizes that explain most of the innovations. */
 typedef struct replay {
   int columns;
   int column[MOST_COLUMNS];
   int since;
   amb_real explains;   /* l; 0 before the first fit */
-  amb_real correlated; /* sum of products of successive residuals over S: chance, or missed */
+  amb_real correlated; /* sum of products of successive residuals over S */
   amb_real size[MOST_COLUMNS];
   amb_real variance[MOST_COLUMNS];
 } replay;
 
-/* l of some columns together by their information M and g; their sizes and variances where wanted.
- * A column that is the same as those before it explains nothing more. */
+/* l of some columns together by their information M and g; sizes and variances unless NULL. A
+ * column that depends on those before it explains nothing more. */
 amb_real amb_explained(int count, amb_real M[MOST_COLUMNS][MOST_COLUMNS],
                        const amb_real g[MOST_COLUMNS], amb_real size[], amb_real variance[]);
 
-/* Fit the sizes from those that stand there. */
+/* Fit the sizes by Gauss-Newton steps from those given. */
 void amb_replay_fit(const amb_isolation *iso, const amb_isolation_state *state, int newest,
                     replay *of);
 

@@ -22,7 +22,7 @@ sweep amb_sweep_begin(const amb_isolation *iso, const amb_isolation_state *state
   return w;
 }
 
-/* What each fault does along a direction in a sample. */
+/* rho of each column along a direction in a sample. */
 static void regress(const amb_isolation *iso, const amb_real *row, int direction, amb_real rho[])
 {
   amb_clear(iso->columns, rho);
@@ -49,7 +49,7 @@ static void learn(const amb_isolation *iso, sweep *w, amb_real a, amb_real s)
   }
 }
 
-/* Back before the measurements of a sample. */
+/* Back over the measurements of a sample, the last sensor first. */
 static void back_over_update(const amb_isolation *iso, const amb_real *row, sweep *w)
 {
   const int n = iso->states;
@@ -87,7 +87,7 @@ static void back_over_update(const amb_isolation *iso, const amb_real *row, swee
   }
 }
 
-/* x <- A' x, by way of `room`. */
+/* x <- A' x; `room` is work space. */
 static void carry(int n, const amb_real *A, amb_real x[], amb_real room[])
 {
   for (int l = 0; l < n; l++) {
@@ -101,7 +101,7 @@ static void carry(int n, const amb_real *A, amb_real x[], amb_real room[])
   amb_copy(n, room, x);
 }
 
-/* Back to the sample before, by the forces that acted in between. */
+/* Back over the prediction from the sample before. */
 static void back_over_prediction(const amb_isolation *iso, const amb_real *row, sweep *w)
 {
   const int n = iso->states;
@@ -125,7 +125,7 @@ static void back_over_prediction(const amb_isolation *iso, const amb_real *row, 
   for (int j = 0; j < iso->columns; j++) {
     carry(n, iso->A, w->Y + (j * n), w->t);
   }
-  for (int i = 0; i < n; i++) { /* Z is symmetric: rows of Z A */
+  for (int i = 0; i < n; i++) { /* rows of Z A, as Z is symmetric */
     carry(n, iso->A, w->Z + (i * n), w->t);
   }
   for (int i = 0; i < n; i++) {
@@ -136,7 +136,7 @@ static void back_over_prediction(const amb_isolation *iso, const amb_real *row, 
   for (int i = 0; i < n; i++) {
     carry(n, iso->A, w->AZ + (i * n), w->t);
   }
-  for (int i = 0; i < n; i++) { /* what rounding makes unsymmetric would grow with the plant */
+  for (int i = 0; i < n; i++) { /* an asymmetry by rounding would grow with the unstable plant */
     for (int l = i; l < n; l++) {
       w->Z[(i * n) + l] = w->AZ[(i * n) + l];
       w->Z[(l * n) + i] = w->AZ[(i * n) + l];
@@ -144,7 +144,7 @@ static void back_over_prediction(const amb_isolation *iso, const amb_real *row, 
   }
 }
 
-/* Columns of which hardly anything is left are nothing but rounding. */
+/* Drop columns of which the elimination left only rounding. */
 static void forget_rounding(const amb_isolation *iso, sweep *w)
 {
   const int c = iso->columns;
@@ -195,7 +195,7 @@ amb_real amb_sweep_eliminate_start(const amb_isolation *iso, sweep *w)
   return explains;
 }
 
-/* The filter started afresh: later samples know nothing of the error before. */
+/* The filter started afresh: later samples do not depend on the error before. */
 static void back_over_restart(const amb_isolation *iso, sweep *w)
 {
   const int n = iso->states;
@@ -216,4 +216,17 @@ void amb_sweep_back(const amb_isolation *iso, const amb_isolation_state *state, 
   }
   back_over_update(iso, row, w);
   back_over_prediction(iso, row, w);
+}
+
+sweep amb_sweep_to(const amb_isolation *iso, const amb_isolation_state *state, int newest,
+                   int since, bool before)
+{
+  sweep w = amb_sweep_begin(iso, state, true);
+  for (int ago = 0; ago < since; ago++) {
+    amb_sweep_back(iso, state, newest, ago, &w);
+  }
+  if (before) {
+    (void)amb_sweep_eliminate_start(iso, &w);
+  }
+  return w;
 }

@@ -1,4 +1,4 @@
-/* The sweep of fault isolation from the newest sample back, and what its files share. */
+/* The sweep of fault isolation, from the newest sample back. */
 #ifndef AMBKIT_ISOLATION_SWEEP_H
 #define AMBKIT_ISOLATION_SWEEP_H
 
@@ -6,7 +6,7 @@
 
 AMB_EXTERN_C_BEGIN
 
-/* Parts of the memory for a sweep. */
+/* Sums of a sweep (ambkit/isolation.h), in the caller's work memory. */
 typedef struct sweep {
   amb_real *z;   /* states */
   amb_real *Z;   /* states x states */
@@ -19,10 +19,11 @@ typedef struct sweep {
   amb_real *t;        /* states */
   amb_real *AZ;       /* states x states */
   amb_real energy;
-  bool crossed;
+  bool crossed; /* with all of M */
 } sweep;
 
-/* Samples after a contact: a window in which the filter forgets it, and one that is searched. */
+/* Samples without a contact before a search: the filter forgets it in one window, and searches
+ * another. */
 static inline int free_of(const amb_isolation *iso)
 {
   return 2 * iso->window;
@@ -49,10 +50,14 @@ sweep amb_sweep_begin(const amb_isolation *iso, const amb_isolation_state *state
 void amb_sweep_back(const amb_isolation *iso, const amb_isolation_state *state, int newest, int ago,
                     sweep *w);
 
-/* What is in the window but for an error of any size at its start: that is eliminated from g and M
- * by columns of Z, and those of Z that the samples do not show are none. Returns what that error
- * explains. */
+/* Eliminate an unknown error of the filter at the start of the window from g and M (Gauss, by the
+ * columns of Z that the samples determine). Returns what that error explains. */
 amb_real amb_sweep_eliminate_start(const amb_isolation *iso, sweep *w);
+
+/* The sweep over the last `since` samples, with all of M; `before`: the error at their start is
+ * eliminated. */
+sweep amb_sweep_to(const amb_isolation *iso, const amb_isolation_state *state, int newest,
+                   int since, bool before);
 
 AMB_EXTERN_C_END
 

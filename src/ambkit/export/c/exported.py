@@ -23,7 +23,8 @@ from ambkit.machine.magnets import core_module
 from ambkit.simulation.scenario import Scenario
 
 _ISOLATION = (
-    "src/isolation.c", "src/isolation_sweep.c", "src/isolation_replay.c", "src/isolation_search.c",
+    "src/isolation.c", "src/isolation_sweep.c", "src/isolation_replay.c", "src/isolation_fit.c",
+    "src/isolation_search.c",
 )  # fmt: skip
 
 
