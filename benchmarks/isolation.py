@@ -2,8 +2,9 @@
 
 ``python -m benchmarks.isolation faults [bearings] [first]`` simulates each fault, and ``pairs`` two
 at a time drawn at random, on random bearings; it compares what `ambkit diagnose` names with the
-truth, where Fisher's information says that it can be. ``healthy [bearings] [first] [samples]``
-counts false alarms. The plant of the first two is written here, and shares nothing with the filter.
+truth, where Fisher's information says that it can be. ``healthy [bearings] [first] [samples]
+[rougher]`` counts false alarms, under a load so many times as intense as the filter assumes. The
+plant of the first two is written here, and shares nothing with the filter.
 """
 
 from __future__ import annotations
@@ -228,7 +229,8 @@ def main() -> None:
     what, *numbers = sys.argv[1:]
     count, first, *rest = [*map(int, numbers), *(20, 0)[len(numbers) :]]
     if what == "healthy":
-        healthy(count, first, rest[0] if rest else 33_000)
+        samples, rougher = [*rest, *(33_000, 1)[len(rest) :]]
+        healthy(count, first, samples, rougher)
         return
     machines = [m for m in map(sound, range(first, first + count)) if m is not None]
     for moving in (False, True):
@@ -236,13 +238,16 @@ def main() -> None:
         judge(machines, moving, rounds=PAIRS if what == "pairs" else 0)
 
 
-def tuned(machine: Machine, record: Record) -> Any:
-    """Return the extended filter with the process noise that a healthy record makes most likely."""
+def tuned(machine: Machine, record: Record, rougher: float = 1.0) -> Any:
+    """Return the extended filter with the process noise that a healthy record makes most likely.
+
+    Divided by `rougher`.
+    """
 
     def made(intensity: Any) -> Any:
         return KINDS["extended"].make(machine, noise=FilterNoise(disturbance=intensity))
 
-    return made(tune_disturbance(machine, record, made).intensity)
+    return made(tune_disturbance(machine, record, made).intensity / rougher)
 
 
 def walk_of(machine: Machine, seed: int) -> float:
@@ -316,8 +321,8 @@ def verdict(groups: list[list[str]], true: tuple[str, ...], family: dict[str, in
     return "one listed" if len(true) > 1 and listed & set(true) else "wrong"
 
 
-def healthy(count: int, first: int, samples: int) -> None:
-    """Print false alarms."""
+def healthy(count: int, first: int, samples: int, rougher: float) -> None:
+    """Print false alarms under a load so many times as intense as the filter assumes."""
     total, alarms, levels = 0, 0, []
     for seed in range(first, first + count):
         machine = sound(seed)
@@ -335,7 +340,7 @@ def healthy(count: int, first: int, samples: int) -> None:
             continue
         if np.abs(record["x"]).max() > 0.99 * machine.clearance:
             continue
-        kalman = tuned(machine, record.between(stop=record.t[min(8000, samples // 4)]))
+        kalman = tuned(machine, record.between(stop=record.t[min(8000, samples // 4)]), rougher)
         s = FaultIsolation(kalman).run(record)
         total += len(record)
         bad = np.flatnonzero(s.alarms)

@@ -4,6 +4,7 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/tuple.h>
 
+#include <algorithm>
 #include <optional>
 #include <tuple>
 
@@ -66,9 +67,14 @@ void init_isolation(Isolation *self, const nb::dict &of)
   is.K = self->kept.or_none(of, "K", m * n);
   is.form = self->kept.numbers(of, "form", static_cast<size_t>(is.forms) * n);
   is.gradient = self->kept.numbers(of, "gradient", static_cast<size_t>(is.gradients) * n);
-  is.lag = self->kept.numbers(of, "lag", m);
+  is.lag = self->kept.numbers(of, "lag", m * 2);
+  is.h = self->kept.numbers(of, "h", p * n);
+  is.k_s = self->kept.numbers(of, "k_s", p);
   is.turn = self->kept.numbers(of, "turn", static_cast<size_t>(is.tones) * 2);
-  const int signals = amb_isolation_row(&is) - is.sensors * (2 + is.states) - 1;
+  const int signals =
+      1 + (AMB_OF_FORCE + 1) * is.forces + AMB_OF_SENSOR * is.sensors + 2 * is.tones;
+  if (is.forms != is.forces || is.tones > AMB_TONES)
+    throw std::invalid_argument("one form for each force, and at most two tones");
   using Fault = std::tuple<int, int, bool, int>;
   for (nb::handle one : nb::cast<nb::list>(of["faults"])) {
     const auto [column, columns, load, group] = nb::cast<Fault>(one);
@@ -83,7 +89,7 @@ void init_isolation(Isolation *self, const nb::dict &of)
     const auto [column, direction, signal, gradient, weight] = nb::cast<Term>(one);
     if (column < 0 || column >= is.columns || direction < 0 ||
         direction >= is.forces + is.sensors || signal < 0 || signal >= signals || gradient < 0 ||
-        gradient > is.gradients + is.sensors)
+        gradient > is.forces + is.gradients + is.sensors)
       throw std::invalid_argument("a term has a column, direction or signal that is not there");
     if (!self->terms.empty() && column < self->terms.back().column)
       throw std::invalid_argument("terms are in the order of their columns");
@@ -125,6 +131,7 @@ Named run(Isolation &self, Estimator &filter, const Samples &y, const Samples &u
   auto *since = out.add<int>("since", {searches, faults});
   auto *instead = out.add<int>("instead", {searches, faults});
   auto *contact = out.add<int>("contact", {searches});
+  auto *roughness = out.add<amb_real>("roughness", {searches});
   auto *earlier = out.add<unsigned char>("before", {searches, faults});
   {
     nb::gil_scoped_release release;
@@ -147,7 +154,9 @@ Named run(Isolation &self, Estimator &filter, const Samples &y, const Samples &u
       if ((k + 1) % every != 0)
         continue;
       contact[at] = self.state.contact;
-      (void)amb_isolation_evaluate(&self.isolation, &self.state, result.data());
+      roughness[at] = *std::max_element(self.state.roughness, self.state.roughness + of.sensors);
+      (void)amb_isolation_evaluate(&self.isolation, &self.state, &filter.kf, filter.magnets.data(),
+                                   result.data());
       for (size_t j = 0; j < faults; j++) {
         const amb_isolation_result &one = result[j];
         likelihood[at * faults + j] = one.likelihood;
@@ -163,11 +172,12 @@ Named run(Isolation &self, Estimator &filter, const Samples &y, const Samples &u
   return out.named();
 }
 
-Out<amb_real> information(Isolation &self, int since, bool before)
+Out<amb_real> information(Isolation &self, Estimator &filter, int since, bool before)
 {
   const auto c = static_cast<size_t>(self.isolation.columns);
   Fresh<amb_real> matrix({c, c});
-  amb_isolation_information(&self.isolation, &self.state, since, before, matrix.data);
+  amb_isolation_information(&self.isolation, &self.state, &filter.kf, filter.magnets.data(), since,
+                            before, matrix.data);
   return matrix.array;
 }
 
@@ -191,8 +201,8 @@ void bind_isolation(nb::module_ &m)
             return std::tuple(amb_isolation_row(&s.isolation), amb_isolation_work(&s.isolation));
           },
           "Numbers of a row of the ring, and of the memory to work in.")
-      .def("information", &information, nb::arg("since"), nb::arg("before"),
-           nb::sig("def information(self, since: int, before: bool) -> Any"),
+      .def("information", &information, nb::arg("filter"), nb::arg("since"), nb::arg("before"),
+           nb::sig("def information(self, filter: Any, since: int, before: bool) -> Any"),
            "Information of all columns on faults that began so many samples ago; `before`: beside "
            "any error then.");
 }

@@ -77,10 +77,12 @@ def test_the_controller_names_the_fault_that_python_names(precision, tmp_path):
 
 
 @compiled
-@pytest.mark.parametrize("of", ["axis", "machine"])
+@pytest.mark.parametrize("of", ["axis", "controller of an axis", "machine"])
 def test_its_self_test_compares_searches_to_the_last_bit_and_can_fail(of, tmp_path):
-    rig = BEARING if of == "axis" else machine()
-    made = export_c(rig, None, tmp_path / "out", prefix="rig", kind="extended", faults=True)
+    rig = machine() if of == "machine" else BEARING
+    scenario = Scenario() if of.startswith("controller") else None
+    made = export_c(rig, None, tmp_path / "out", prefix="rig", kind="extended", faults=True,
+                    scenario=scenario)  # fmt: skip
     passed = subprocess.run([built(made, tmp_path, *map(made.folder.joinpath, made_tests(made)))],
                             capture_output=True, text=True, timeout=60)  # fmt: skip
     assert passed.returncode == 0

@@ -93,20 +93,20 @@ def test_a_healthy_machine_has_no_fault(name, filter):
 
 
 CASES = {
-    "sensor offset": (with_fault("y_plus", 4e-5), False, "sensor offset"),
-    "sensor gain": (with_fault("y_times", 1.3), True, "sensor gain"),
+    "an offset": (with_fault("y_plus", 4e-5), False, "sensor offset", 4e-5),
+    "an offset that restarts the filter": (with_fault("y_plus", 3e-4), True, "sensor offset", 3e-4),
+    "a gain": (with_fault("y_times", 1.3), True, "sensor gain", 0.3),
 }
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_fault_is_named_with_its_size_and_begin(case):
-    faults, moving, name = CASES[case]
+    faults, moving, name, true = CASES[case]
     record = flown(PAPER, faults, moving=moving)
     result = diagnosed(record, "extended", PAPER, None, None)
     assert result.faults == [name]
     k, j = result.decisive, [s.name for s in result.searches.signatures].index(name)
     size = result.searches.size[k, j, 0]
-    true = 4e-5 if case == "sensor offset" else 0.3
     assert size == pytest.approx(true, rel=0.05)
     begin = result.searches.t[k] - result.searches.since[k, j] * PAPER.sampling_time
     assert begin == pytest.approx(ONSET * PAPER.sampling_time, abs=2e-3)
@@ -189,6 +189,19 @@ def test_a_step_of_the_load_is_no_fault():
     load = [s.name for s in result.searches.signatures].index("load")
     assert result.searches.likelihood[:, load].max() > 40
     assert result.faults == []
+
+
+def test_a_load_rougher_than_the_filter_assumes_is_no_fault_and_is_said():
+    n, true = 20_000, 1.0
+    walk = np.random.default_rng(3).normal(size=n).cumsum() * np.sqrt(true * PAPER.sampling_time)
+    filter = KINDS["extended"].make(PAPER, noise=ambkit.FilterNoise(disturbance=true / 10))
+    result = diagnosed(flown(PAPER, n=n, disturbance=walk), filter, PAPER, None, None)
+    assert result.faults == []
+    assert any("as intense as the filter assumes" in note for note in result.notes)
+    s = result.searches
+    assert 4 < np.median(s.roughness[20:]) < 12
+    # Without that scale it would raise alarms.
+    assert (s.likelihood * s.roughness[:, None]).max() > 2 * result.limit
 
 
 def test_single_precision_says_the_same():

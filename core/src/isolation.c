@@ -1,16 +1,23 @@
+#include "ambkit/root.h"
 #include "isolation_sweep.h"
 #include "kalman_step.h"
 
 /* A rotor counts as on its stop from this share of its travel on. */
 #define ON_STOP AMB_C(0.95)
 
+/* Blocks that the roughness remembers, those that its start counts for, and the most that a block
+ * counts for, so that a short fault does not pass for a rough load. */
+#define REMEMBERED 64
+#define START 8
+#define MOST AMB_C(9.0)
+
 /* Health of a reading without information. */
 #define MISSING (AMB_MISSING | AMB_FROZEN | AMB_BAD_VARIANCE)
 
 int amb_isolation_row(const amb_isolation *iso)
 {
-  return 1 + (AMB_OF_FORCE * iso->forces) + (AMB_OF_SENSOR * iso->sensors) + iso->forms +
-         (2 * iso->tones) + (iso->sensors * (2 + iso->states)) + 1;
+  return (ROW_OF_FORCE * iso->forces) + (AMB_OF_SENSOR * iso->sensors) + iso->forms +
+         (2 * iso->tones) + (iso->sensors * (2 + iso->states));
 }
 
 int amb_isolation_work(const amb_isolation *iso)
@@ -28,7 +35,16 @@ void amb_isolation_reset(const amb_isolation *iso, amb_isolation_state *state)
   state->filled = 0;
   state->seen = 0;
   amb_clear(AMB_STATES, state->mean);
+  amb_clear(AMB_SENSORS, state->read);
   amb_clear(AMB_SENSORS, state->lagged);
+  state->block = 0;
+  state->blocks = -AMB_ISOLATION_RECENT;
+  for (int r = 0; r < AMB_SENSORS; r++) {
+    state->roughness[r] = AMB_C(1.0);
+  }
+  for (int k = 0; k < AMB_ISOLATION_RECENT; k++) {
+    amb_clear(AMB_SENSORS, state->recent[k]);
+  }
   for (int k = 0; k <= AMB_ISOLATION_LEAST; k++) {
     amb_clear(AMB_FORCES, state->current[k]);
   }
@@ -42,33 +58,47 @@ static amb_real both_coils(amb_real i0, amb_real i, amb_real F, amb_real k_i)
   return (amb_magnitude(i0) > AMB_C(0.0)) ? (both / (AMB_C(2.0) * i0)) : AMB_C(0.0);
 }
 
-/* Signals of each force, by the currents that acted since the last sample and the mean before it.
- */
+/* Currents that acted since the last sample, and the displacements that they acted at. */
 static void put_forces(const amb_isolation *iso, amb_isolation_state *state, const amb_kalman *kf,
-                       const amb_magnet magnet[AMB_FORCES], const amb_real last_u[AMB_CONTROLS],
-                       amb_real *row)
+                       const amb_real iu[AMB_CONTROLS], amb_real *row)
 {
-  const amb_kalman_settings *set = &kf->set;
-  amb_real iu[AMB_CONTROLS];
-  for (int c = 0; c < amb_controls(&kf->model); c++) {
-    iu[c] = amb_clamp(set->k_ui[c] * last_u[c], set->iu_min[c], set->iu_max[c]);
-  }
   for (int k = AMB_ISOLATION_LEAST; k > 0; k--) {
     amb_copy(iso->forces, state->current[k - 1], state->current[k]);
   }
   for (int f = 0; f < iso->forces; f++) {
-    amb_stiffness k;
-    amb_stiffness late;
-    const amb_real i = amb_model_current(&kf->model, f, state->mean, iu);
-    const amb_real s = amb_model_displacement(&kf->model, f, state->mean);
-    amb_real *to = row + (AMB_OF_FORCE * f);
-    to[0] = amb_step_force(kf, magnet, f, i, s, &k);
-    to[1] = k.k_i * i;
-    to[2] = k.k_s * s;
-    state->current[0][f] = i;
-    to[3] = amb_step_force(kf, magnet, f, state->current[iso->late][f], s, &late) - to[0];
-    to[4] = both_coils(iso->bias[f], i, to[0], k.k_i);
+    amb_real *to = row + (ROW_OF_FORCE * f);
+    state->current[0][f] = amb_model_current(&kf->model, f, state->mean, iu);
+    to[0] = state->current[0][f];
+    to[1] = amb_model_displacement(&kf->model, f, state->mean);
+    to[2] = state->current[iso->late][f];
   }
+}
+
+void amb_row_signals(const samples *of, const amb_real *row, const apart *by,
+                     amb_real signal[AMB_SIGNALS], amb_stiffness k[AMB_FORCES])
+{
+  const amb_isolation *iso = of->iso;
+  const int forces = ROW_OF_FORCE * iso->forces;
+  const int rest = (AMB_OF_SENSOR * iso->sensors) + iso->forms + (2 * iso->tones);
+  signal[0] = AMB_C(1.0);
+  for (int f = 0; f < iso->forces; f++) {
+    const amb_real *from = row + (ROW_OF_FORCE * f);
+    const amb_real i = from[0];
+    const amb_real s = from[1] + by->s[f];
+    amb_real *to = signal + 1 + (AMB_OF_FORCE * f);
+    amb_stiffness changed;
+    amb_stiffness late;
+    to[0] = amb_step_force(of->kf, of->magnet, f, i, s, &k[f]);
+    changed = k[f];
+    if (amb_magnitude(by->half[f]) > AMB_C(0.0)) {
+      (void)amb_step_force(of->kf, of->magnet, f, i + (by->half[f] * i), s, &changed);
+    }
+    to[1] = changed.k_i * i;
+    to[2] = k[f].k_s * s;
+    to[3] = amb_step_force(of->kf, of->magnet, f, from[2], s, &late) - to[0];
+    to[4] = both_coils(iso->bias[f], i, to[0], k[f].k_i);
+  }
+  amb_copy(rest, row + forces, signal + 1 + (AMB_OF_FORCE * iso->forces));
 }
 
 /* Signals of the sensors are those of the prediction, not of the updated mean. */
@@ -79,9 +109,12 @@ static void put_measurements(const amb_isolation *iso, amb_isolation_state *stat
   for (int r = 0; r < iso->sensors; r++) {
     const bool missing = (result->health[r] & MISSING) != 0U;
     const amb_real e = missing ? AMB_C(0.0) : result->innovation[r];
-    const amb_real predicted = missing ? state->lagged[r] : (filter->sensor[r].last_y - e);
+    const amb_real last = state->read[r];
+    const amb_real predicted = missing ? last : (filter->sensor[r].last_y - e);
+    const amb_real *lag = iso->lag + (2 * r);
     signal[AMB_OF_SENSOR * r] = predicted;
-    state->lagged[r] += iso->lag[r] * (predicted - state->lagged[r]);
+    state->read[r] = predicted;
+    state->lagged[r] += (lag[0] * (last - state->lagged[r])) + (lag[1] * (predicted - last));
     signal[(AMB_OF_SENSOR * r) + 1] = state->lagged[r] - predicted;
     measured[2 * r] = e;
     measured[(2 * r) + 1] = missing ? AMB_C(0.0) : result->variance[r];
@@ -146,6 +179,36 @@ static void put_tones(const amb_isolation *iso, const amb_real *before, amb_real
   }
 }
 
+/* Roughness: variance of the sums of e / sqrt(S) over blocks, relative to that of white
+ * innovations. It is their spectral density at frequency 0, by which a load of c times the assumed
+ * intensity multiplies it, and no other frequency by more; so l of any fault is at most c times as
+ * large. */
+static void put_roughness(const amb_isolation *iso, amb_isolation_state *state,
+                          const amb_real measured[])
+{
+  const int length = iso->window / 4;
+  for (int r = 0; r < iso->sensors; r++) {
+    const amb_real S = measured[(2 * r) + 1];
+    state->recent[0][r] += (S > AMB_C(0.0)) ? (measured[2 * r] / amb_root(S)) : AMB_C(0.0);
+  }
+  state->block++;
+  if (state->block >= length) {
+    const int known = START + ((state->blocks < 0) ? 0 : state->blocks);
+    const amb_real *oldest = state->recent[AMB_ISOLATION_RECENT - 1];
+    for (int r = 0; (state->blocks >= 0) && (r < iso->sensors); r++) {
+      const amb_real before = state->roughness[r];
+      const amb_real now = amb_at_most((oldest[r] * oldest[r]) / (amb_real)length, MOST * before);
+      state->roughness[r] = before + ((now - before) / (amb_real)known);
+    }
+    state->blocks += (known < REMEMBERED) ? 1 : 0;
+    for (int k = AMB_ISOLATION_RECENT - 1; k > 0; k--) {
+      amb_copy(iso->sensors, state->recent[k - 1], state->recent[k]);
+    }
+    amb_clear(AMB_SENSORS, state->recent[0]);
+    state->block = 0;
+  }
+}
+
 static bool is_on_stop(const amb_isolation *iso, const amb_kalman *kf,
                        const amb_kalman_state *filter)
 {
@@ -157,6 +220,42 @@ static bool is_on_stop(const amb_isolation *iso, const amb_kalman *kf,
   return on_stop;
 }
 
+/* Mean after one sample, without noise. */
+static void advance_mean(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
+                         const amb_real iu[AMB_CONTROLS], amb_real mean[AMB_STATES])
+{
+  amb_real F[AMB_FORCES];
+  amb_stiffness k[AMB_FORCES];
+  amb_step_forces(kf, magnet, iu, mean, F, k);
+  for (int f = 0; f < amb_forces(&kf->model); f++) {
+    F[f] += kf->set.f_0[f];
+  }
+  amb_model_predict_mean(&kf->model, F, iu, mean);
+}
+
+/* The filter restarted from the reading of a sensor: an update with another gain, the change of the
+ * mean over the innovation. Returns whether there is such a sensor. */
+static bool put_restart(const amb_isolation *iso, const amb_real predicted[],
+                        const amb_kalman_state *filter, const amb_kalman_result *result,
+                        amb_real *gains)
+{
+  const int n = iso->states;
+  int restarted = -1;
+  for (int r = 0; r < iso->sensors; r++) {
+    const bool is = ((result->health[r] & AMB_RESTARTED) != 0U) &&
+                    (amb_magnitude(result->innovation[r]) > AMB_C(0.0));
+    restarted = is ? r : restarted;
+  }
+  if (restarted >= 0) {
+    amb_clear(iso->sensors * n, gains);
+    for (int i = 0; i < n; i++) {
+      gains[(restarted * n) + i] =
+          (filter->mean[i] - predicted[i]) / (iso->unit[i] * result->innovation[restarted]);
+    }
+  }
+  return restarted >= 0;
+}
+
 void amb_isolation_put(const amb_isolation *iso, amb_isolation_state *state, const amb_kalman *kf,
                        const amb_magnet magnet[AMB_FORCES], const amb_kalman_state *filter,
                        const amb_kalman_result *result, amb_real faster)
@@ -165,7 +264,7 @@ void amb_isolation_put(const amb_isolation *iso, amb_isolation_state *state, con
   const int n = amb_states(&kf->model);
   const int rows = iso->window + iso->spare;
   const int size = amb_isolation_row(iso);
-  const int sensors = 1 + (AMB_OF_FORCE * iso->forces);
+  const int sensors = ROW_OF_FORCE * iso->forces;
   const int forms = sensors + (AMB_OF_SENSOR * iso->sensors);
   const int tones = forms + iso->forms;
   const amb_real *before =
@@ -173,23 +272,31 @@ void amb_isolation_put(const amb_isolation *iso, amb_isolation_state *state, con
   state->newest = (state->newest + 1) % rows;
   amb_real *row = state->ring + (state->newest * size);
   amb_real *measured = row + tones + (2 * iso->tones);
-  row[0] = AMB_C(1.0);
-  put_forces(iso, state, kf, magnet, filter->last_u, row + 1);
+  amb_real *gains = measured + (2 * iso->sensors);
+  amb_real iu[AMB_CONTROLS];
+  for (int c = 0; c < amb_controls(&kf->model); c++) {
+    iu[c] = amb_clamp(kf->set.k_ui[c] * filter->last_u[c], kf->set.iu_min[c], kf->set.iu_max[c]);
+  }
+  put_forces(iso, state, kf, iu, row);
   put_measurements(iso, state, filter, result, row + sensors, measured);
-  put_gains(iso, kf, filter, result, measured + (2 * iso->sensors));
-  const bool afresh = (result->status & (AMB_RESTARTED | AMB_BAD_VARIANCE)) != 0U;
+  put_gains(iso, kf, filter, result, gains);
+  put_roughness(iso, state, measured);
+  bool lost = (result->status & AMB_BAD_VARIANCE) != 0U;
+  if ((result->status & AMB_RESTARTED) != 0U) {
+    advance_mean(kf, magnet, iu, state->mean);
+    lost = !put_restart(iso, state->mean, filter, result, gains) || lost;
+  }
   const bool on_stop = is_on_stop(iso, kf, filter);
   const int apart = state->contact + ((state->contact < free_of(iso)) ? 1 : 0);
   state->contact = on_stop ? 0 : apart;
-  row[size - 1] = afresh ? AMB_C(1.0) : AMB_C(0.0);
   for (int k = 0; k < iso->forms; k++) {
     row[forms + k] = dot(n, iso->form + (k * n), mean);
   }
   put_tones(iso, before, faster, row + tones);
   amb_copy(n, mean, state->mean);
   state->count++;
-  if (state->seen < AMB_ISOLATION_LEAST) {
-    state->seen++; /* the late currents are not filled yet */
+  if (lost || (state->seen < AMB_ISOLATION_LEAST)) {
+    state->seen = lost ? 0 : (state->seen + 1); /* the late currents are not filled yet */
     state->filled = 1;
   } else {
     state->filled = (state->filled < rows) ? (state->filled + 1) : rows;

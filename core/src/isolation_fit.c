@@ -54,7 +54,7 @@ static bool fit_since(const window *in, int since, replay *fit)
   replay other = *fit;
   other.since = since;
   if ((since >= AMB_ISOLATION_LEAST) && (since <= in->samples)) {
-    amb_replay_fit(in->iso, in->state, in->newest, &other);
+    amb_replay_fit(&in->data, &other);
   }
   const bool better = other.explains > fit->explains;
   if (better) {
@@ -86,20 +86,20 @@ void amb_fit_write(const replay *fit, int from, int count, amb_isolation_result 
 
 amb_real amb_fit_scale(const window *in, amb_real explained)
 {
-  const amb_real number = (amb_real)in->samples * (amb_real)in->iso->sensors;
-  return amb_at_least((in->unexplained - explained) / number, AMB_C(1.0));
+  const amb_real number = (amb_real)in->samples * (amb_real)in->data.iso->sensors;
+  return amb_at_least((in->unexplained - explained) / number, in->roughness);
 }
 
 amb_real amb_fit_missed(const window *in, const replay *fit, amb_real scale)
 {
-  const amb_real number = (amb_real)fit->since * (amb_real)in->iso->sensors;
+  const amb_real number = (amb_real)fit->since * (amb_real)in->data.iso->sensors;
   const amb_real chance = scale * ((AMB_C(0.1) * number) + AMB_C(16.0));
   return amb_at_least(amb_magnitude(fit->correlated) - chance, AMB_C(0.0));
 }
 
 static replay fit_of(const window *in, int j, const amb_isolation_result *of)
 {
-  replay fit = begin_fit(in->iso, j, -1, of->since);
+  replay fit = begin_fit(in->data.iso, j, -1, of->since);
   fit.explains = of->likelihood;
   amb_copy(fit.columns, of->size, fit.size);
   amb_copy(fit.columns, of->variance, fit.variance);
@@ -115,7 +115,7 @@ static void keep_fit(const replay *fit, amb_isolation_result *of)
 /* Try another onset for each fault that was replayed. */
 static void replay_since(const window *in, int since, amb_isolation_result result[])
 {
-  for (int j = 0; j < in->iso->faults; j++) {
+  for (int j = 0; j < in->data.iso->faults; j++) {
     replay fit = fit_of(in, j, &result[j]);
     if ((fit.variance[0] > AMB_C(0.0)) && (fit.since != since) && fit_since(in, since, &fit)) {
       keep_fit(&fit, &result[j]);
@@ -125,12 +125,12 @@ static void replay_since(const window *in, int since, amb_isolation_result resul
 
 int amb_fit_singles(window *in, int first, amb_isolation_result result[])
 {
-  const amb_isolation *iso = in->iso;
+  const amb_isolation *iso = in->data.iso;
   const amb_real least = AMB_C(0.5) * result[first].likelihood;
   for (int j = 0; j < iso->faults; j++) {
     if (result[j].likelihood >= least) {
       replay fit = begin_fit(iso, j, -1, result[j].since);
-      amb_replay_fit(iso, in->state, in->newest, &fit);
+      amb_replay_fit(&in->data, &fit);
       keep_fit(&fit, &result[j]);
     }
   }
@@ -197,25 +197,25 @@ void amb_fit_pairs(const window *in, int of, amb_isolation_result result[], pair
   list->count = 0;
   list->best = 0;
   if (result[of].before) {
-    const sweep w = amb_sweep_to(in->iso, in->state, in->newest, in->samples, true);
-    size_rest(in->iso, &w, result);
-    keep_pairs(in->iso, &w, in->samples, list);
+    const sweep w = amb_sweep_to(&in->data, in->samples, true);
+    size_rest(in->data.iso, &w, result);
+    keep_pairs(in->data.iso, &w, in->samples, list);
     find_best(list);
   } else {
-    sweep w = amb_sweep_begin(in->iso, in->state, true);
+    sweep w = amb_sweep_begin(&in->data, true);
     for (int ago = 0; (ago < since) || (ago < in->begin); ago++) {
-      amb_sweep_back(in->iso, in->state, in->newest, ago, &w);
+      amb_sweep_back(&in->data, ago, &w);
       if ((ago + 1) == since) {
-        size_rest(in->iso, &w, result);
+        size_rest(in->data.iso, &w, result);
       }
       if (((ago + 1) == since) || ((ago + 1) == in->begin)) {
-        keep_pairs(in->iso, &w, ago + 1, list);
+        keep_pairs(in->data.iso, &w, ago + 1, list);
       }
     }
     for (int k = 0; k < list->count; k++) {
       pair *two = &list->likely[k];
-      two->fit = begin_fit(in->iso, two->of[0], two->of[1], two->fit.since);
-      amb_replay_fit(in->iso, in->state, in->newest, &two->fit);
+      two->fit = begin_fit(in->data.iso, two->of[0], two->of[1], two->fit.since);
+      amb_replay_fit(&in->data, &two->fit);
     }
     find_best(list);
     find_onset(in, &list->likely[list->best].fit);

@@ -4,7 +4,6 @@
 #define AMBKIT_ISOLATION_FIT_H
 
 #include "isolation_replay.h"
-#include "isolation_sweep.h"
 
 AMB_EXTERN_C_BEGIN
 
@@ -12,11 +11,10 @@ AMB_EXTERN_C_BEGIN
 
 /* The samples under test, and what the first sweep over them gives. */
 typedef struct window {
-  const amb_isolation *iso;
-  const amb_isolation_state *state;
-  int newest;
+  samples data;
   int samples;
   int begin;            /* samples since the innovations became too large */
+  amb_real roughness;   /* of the innovations before the window */
   amb_real unexplained; /* sum of e^2 / S */
   amb_real missed;      /* what the likeliest fault leaves unexplained beyond chance */
   amb_real share;       /* share of l that signatures may miss */
@@ -42,7 +40,8 @@ bool amb_fit_alike(const amb_isolation *iso, int j, int k);
 amb_real amb_fit_likelihood(const amb_isolation *iso, const sweep *w, int j, int l, amb_real size[],
                             amb_real variance[]);
 
-/* Scale of the variance of the innovations, by what the faults leave of them; at least 1. */
+/* Scale of the variance of the innovations: what the faults leave of them, at least the roughness
+ * and 1. */
 amb_real amb_fit_scale(const window *in, amb_real explained);
 
 /* Correlation that a fit leaves in the residuals, beyond chance at this scale of their variance. */

@@ -1,5 +1,5 @@
 #include "isolation_replay.h"
-#include "isolation_sweep.h"
+#include "kalman_step.h"
 
 /* Columns are dependent where less than this share of one is left beside the others. */
 #define SAME AMB_C(1e-4)
@@ -13,11 +13,15 @@
 /* Error of the filter made by the faults (p = 0), and its derivatives by their sizes. */
 typedef struct motion {
   amb_real d[1 + MOST_COLUMNS][AMB_STATES];
-  amb_real lagged[1 + MOST_COLUMNS]; /* of the reading with more lag */
-  amb_real rho[1 + MOST_COLUMNS];    /* force or reading along one direction */
-  amb_real residual[AMB_SENSORS];    /* of the last sample */
-  int first[MOST_COLUMNS];           /* terms of each column: the first ... */
-  int after[MOST_COLUMNS];           /* ... and the one after the last */
+  amb_real read[AMB_SENSORS][1 + MOST_COLUMNS];   /* of the last reading */
+  amb_real lagged[AMB_SENSORS][1 + MOST_COLUMNS]; /* of the reading with more lag */
+  amb_real signal[AMB_SIGNALS];                   /* of the rotor, not of the estimate */
+  amb_stiffness k[AMB_FORCES];
+  apart by;
+  amb_real rho[1 + MOST_COLUMNS]; /* force or reading along one direction */
+  amb_real residual[AMB_SENSORS]; /* of the last sample */
+  int first[MOST_COLUMNS];        /* terms of each column: the first ... */
+  int after[MOST_COLUMNS];        /* ... and the one after the last */
 } motion;
 
 /* Normal equations of the next step. */
@@ -77,26 +81,34 @@ static amb_real by_error(const amb_isolation *iso, const amb_fault_term *term, c
                          int p)
 {
   const int n = iso->states;
-  const int row = (int)term->gradient - 1;
-  const int sensor = row - iso->gradients; /* of a reading with more lag */
-  return (sensor < 0) ? dot(n, iso->gradient + (row * n), now->d[p])
-                      : (now->lagged[p] - dot(n, iso->H + (sensor * n), now->d[p]));
+  const int f = (int)term->gradient - 1;
+  amb_real more = AMB_C(0.0);
+  if (f < iso->forces) {
+    more = now->k[f].k_s * dot(n, iso->h + (f * n), now->d[p]);
+  } else if (f < (iso->forces + iso->gradients)) {
+    more = dot(n, iso->gradient + ((f - iso->forces) * n), now->d[p]);
+  } else { /* a reading with more lag */
+    const int r = f - iso->forces - iso->gradients;
+    more = now->lagged[r][p] - dot(n, iso->H + (r * n), now->d[p]);
+  }
+  return more;
 }
 
 /* Force or reading added by the faults along a direction, and its derivatives by their sizes. */
-static void act(const amb_isolation *iso, const amb_real *row, int direction, const replay *of,
-                const amb_real size[], motion *now)
+static void act(const amb_isolation *iso, int direction, const replay *of, const amb_real size[],
+                motion *now)
 {
   amb_clear(1 + of->columns, now->rho);
   for (int j = 0; j < of->columns; j++) {
     for (int k = now->first[j]; k < now->after[j]; k++) {
       const amb_fault_term *term = &iso->term[k];
       if ((int)term->direction == direction) {
-        const amb_real own = term->weight * row[term->signal];
+        const amb_real own = term->weight * now->signal[term->signal];
         now->rho[0] += size[j] * own;
         now->rho[1 + j] += own;
         if (term->gradient > 0U) {
-          for (int p = 0; p <= of->columns; p++) {
+          const bool of_force = (int)term->gradient <= iso->forces; /* of the rotor already */
+          for (int p = of_force ? 1 : 0; p <= of->columns; p++) {
             const amb_real more = term->weight * by_error(iso, term, now, p);
             now->rho[p] += size[j] * more;
             now->rho[1 + j] += (p == 0) ? more : AMB_C(0.0);
@@ -107,21 +119,33 @@ static void act(const amb_isolation *iso, const amb_real *row, int direction, co
   }
 }
 
-static void step_over_prediction(const amb_isolation *iso, const amb_real *row, const replay *of,
+static void step_over_prediction(const samples *in, const amb_real *row, const replay *of,
                                  const amb_real size[], motion *now)
 {
+  const amb_isolation *iso = in->iso;
   const int n = iso->states;
   amb_real next[1 + MOST_COLUMNS][AMB_STATES];
+  amb_real estimated[AMB_FORCES] = {0};
+  for (int f = 0; f < iso->forces; f++) {
+    amb_stiffness k;
+    const amb_real *from = row + (ROW_OF_FORCE * f);
+    estimated[f] = amb_step_force(in->kf, in->magnet, f, from[0], from[1], &k);
+    now->by.s[f] = dot(n, iso->h + (f * n), now->d[0]);
+  }
+  amb_row_signals(in, row, &now->by, now->signal, now->k);
   for (int p = 0; p <= of->columns; p++) {
     for (int i = 0; i < n; i++) {
       next[p][i] = dot(n, iso->A + (i * n), now->d[p]);
     }
   }
   for (int f = 0; f < iso->forces; f++) {
-    act(iso, row, f, of, size, now);
-    for (int p = 0; p <= of->columns; p++) {
+    act(iso, f, of, size, now);
+    for (int p = 0; p <= of->columns; p++) { /* A has a constant stiffness, the magnet its law */
+      const amb_real own = (p == 0) ? (now->signal[1 + (AMB_OF_FORCE * f)] - estimated[f])
+                                    : (now->k[f].k_s * dot(n, iso->h + (f * n), now->d[p]));
+      const amb_real beyond = own - (iso->k_s[f] * dot(n, iso->h + (f * n), now->d[p]));
       for (int i = 0; i < n; i++) {
-        next[p][i] += iso->b[(f * n) + i] * now->rho[p];
+        next[p][i] += iso->b[(f * n) + i] * (now->rho[p] + beyond);
       }
     }
   }
@@ -135,7 +159,7 @@ static void step_over_update(const amb_isolation *iso, const amb_real *row, int 
 {
   const int n = iso->states;
   const int m = iso->sensors;
-  const amb_real *measured = row + amb_isolation_row(iso) - 1 - (m * (2 + n));
+  const amb_real *measured = row + amb_isolation_row(iso) - (m * (2 + n));
   const amb_real S = measured[(2 * r) + 1];
   if (S > AMB_C(0.0)) {
     const amb_real *K = measured + (2 * m) + (r * n);
@@ -143,9 +167,11 @@ static void step_over_update(const amb_isolation *iso, const amb_real *row, int 
     amb_clear(1 + MOST_COLUMNS, s);
     for (int p = 0; p <= of->columns; p++) {
       s[p] = dot(n, iso->H + (r * n), now->d[p]);
-      now->lagged[p] += iso->lag[r] * (s[p] - now->lagged[p]);
+      now->lagged[r][p] += (iso->lag[2 * r] * (now->read[r][p] - now->lagged[r][p])) +
+                           (iso->lag[(2 * r) + 1] * (s[p] - now->read[r][p]));
+      now->read[r][p] = s[p];
     }
-    act(iso, row, iso->forces + r, of, size, now);
+    act(iso, iso->forces + r, of, size, now);
     for (int p = 0; p <= of->columns; p++) {
       s[p] += now->rho[p];
       for (int i = 0; i < n; i++) {
@@ -180,11 +206,37 @@ static void find_terms(const amb_isolation *iso, const replay *of, motion *now)
   }
 }
 
-/* Step the error made by faults of these sizes through the window; `now` has their terms. */
-static normal along(const amb_isolation *iso, const amb_isolation_state *state, int newest,
-                    const replay *of, const amb_real size[], motion *now)
+/* Set the changes of the currents, and the states of the lags: where a lag grows, its reading goes
+ * on from the last one. */
+static void begin_motion(const samples *in, const replay *of, const amb_real size[], motion *now)
 {
-  const int rows = iso->window + iso->spare;
+  const amb_isolation *iso = in->iso;
+  const amb_real *last = row_of(in, of->since) + (ROW_OF_FORCE * iso->forces);
+  for (int p = 0; p <= MOST_COLUMNS; p++) {
+    amb_clear(AMB_STATES, now->d[p]);
+  }
+  for (int r = 0; r < iso->sensors; r++) {
+    amb_clear(1 + MOST_COLUMNS, now->read[r]);
+    amb_clear(1 + MOST_COLUMNS, now->lagged[r]);
+    now->lagged[r][0] = -last[(AMB_OF_SENSOR * r) + 1];
+  }
+  amb_clear(AMB_SENSORS, now->residual);
+  amb_clear(AMB_FORCES, now->by.half);
+  for (int j = 0; j < of->columns; j++) {
+    for (int k = now->first[j]; k < now->after[j]; k++) {
+      const amb_fault_term *term = &iso->term[k];
+      const int f = ((int)term->signal - 1) / AMB_OF_FORCE;
+      if ((f < iso->forces) && ((int)term->signal == (2 + (AMB_OF_FORCE * f)))) {
+        now->by.half[f] += AMB_C(0.5) * term->weight * size[j];
+      }
+    }
+  }
+}
+
+/* Step the error made by faults of these sizes through the window; `now` has their terms. */
+static normal along(const samples *in, const replay *of, const amb_real size[], motion *now)
+{
+  const amb_isolation *iso = in->iso;
   normal sum;
   sum.explains = AMB_C(0.0);
   sum.correlated = AMB_C(0.0);
@@ -192,15 +244,10 @@ static normal along(const amb_isolation *iso, const amb_isolation_state *state, 
   for (int j = 0; j < MOST_COLUMNS; j++) {
     amb_clear(MOST_COLUMNS, sum.M[j]);
   }
-  for (int p = 0; p <= MOST_COLUMNS; p++) {
-    amb_clear(AMB_STATES, now->d[p]);
-  }
-  amb_clear(1 + MOST_COLUMNS, now->lagged);
-  amb_clear(AMB_SENSORS, now->residual);
+  begin_motion(in, of, size, now);
   for (int ago = of->since - 1; ago >= 0; ago--) {
-    const int place = (newest + rows - ago) % rows;
-    const amb_real *row = state->ring + (place * amb_isolation_row(iso));
-    step_over_prediction(iso, row, of, size, now);
+    const amb_real *row = row_of(in, ago);
+    step_over_prediction(in, row, of, size, now);
     for (int r = 0; r < iso->sensors; r++) {
       step_over_update(iso, row, r, of, size, now, &sum);
     }
@@ -208,19 +255,18 @@ static normal along(const amb_isolation *iso, const amb_isolation_state *state, 
   return sum;
 }
 
-void amb_replay_fit(const amb_isolation *iso, const amb_isolation_state *state, int newest,
-                    replay *of)
+void amb_replay_fit(const samples *in, replay *of)
 {
   amb_real trial[MOST_COLUMNS];
   amb_real step[MOST_COLUMNS];
   motion now;
   bool begun = false;
   bool worth = true;
-  find_terms(iso, of, &now);
+  find_terms(in->iso, of, &now);
   amb_copy(of->columns, of->size, trial);
   amb_clear(MOST_COLUMNS, step);
   for (int k = 0; worth && (k < STEPS); k++) {
-    normal sum = along(iso, state, newest, of, trial, &now);
+    normal sum = along(in, of, trial, &now);
     if (!begun || (sum.explains > of->explains)) {
       begun = true;
       of->explains = sum.explains;

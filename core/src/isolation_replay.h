@@ -3,7 +3,7 @@
 #ifndef AMBKIT_ISOLATION_REPLAY_H
 #define AMBKIT_ISOLATION_REPLAY_H
 
-#include "ambkit/isolation.h"
+#include "isolation_sweep.h"
 
 AMB_EXTERN_C_BEGIN
 
@@ -26,8 +26,7 @@ amb_real amb_explained(int count, amb_real M[MOST_COLUMNS][MOST_COLUMNS],
                        const amb_real g[MOST_COLUMNS], amb_real size[], amb_real variance[]);
 
 /* Fit the sizes by Gauss-Newton steps from those given. */
-void amb_replay_fit(const amb_isolation *iso, const amb_isolation_state *state, int newest,
-                    replay *of);
+void amb_replay_fit(const samples *in, replay *of);
 
 AMB_EXTERN_C_END
 

@@ -76,12 +76,12 @@ static int likeliest(const amb_isolation *iso, const amb_isolation_result result
  * likeliest. */
 static int sweep_singles(window *in, amb_isolation_result result[])
 {
-  const amb_isolation *iso = in->iso;
+  const amb_isolation *iso = in->data.iso;
   amb_real largest = AMB_C(0.0);
-  sweep w = amb_sweep_begin(iso, in->state, false);
+  sweep w = amb_sweep_begin(&in->data, false);
   in->begin = in->samples;
   for (int ago = 0; ago < in->samples; ago++) {
-    amb_sweep_back(iso, in->state, in->newest, ago, &w);
+    amb_sweep_back(&in->data, ago, &w);
     if ((ago + 1) >= AMB_ISOLATION_LEAST) {
       const amb_real large = too_large(iso, ago + 1, w.energy);
       in->begin = (large > largest) ? (ago + 1) : in->begin;
@@ -104,7 +104,7 @@ static int sweep_singles(window *in, amb_isolation_result result[])
 /* Share of what fault k explains by which j must differ from it. */
 static amb_real share_of(const window *in, int j, int k)
 {
-  return amb_fit_alike(in->iso, j, k) ? in->iso->alike : in->share;
+  return amb_fit_alike(in->data.iso, j, k) ? in->data.iso->alike : in->share;
 }
 
 /* What fault k of a pair explains beyond the other. */
@@ -117,7 +117,7 @@ static amb_real adds(const pair *two, int k, const amb_isolation_result result[]
 static bool needs_two(const window *in, const amb_isolation_result result[], const pair *two,
                       amb_real scale)
 {
-  const amb_isolation *iso = in->iso;
+  const amb_isolation *iso = in->data.iso;
   bool needed = !amb_fit_alike(iso, two->of[0], two->of[1]);
   for (int j = 0; j < iso->faults; j++) {
     amb_real least = amb_at_least(iso->limit * scale, AMB_C(2.0) * in->share * two->fit.explains);
@@ -164,10 +164,10 @@ static void name_two(const window *in, const pairs *list, amb_real least,
                      amb_isolation_result result[])
 {
   const pair *two = &list->likely[list->best];
-  for (int j = 0; j < in->iso->faults; j++) {
+  for (int j = 0; j < in->data.iso->faults; j++) {
     result[j].instead = instead_of_two(in, j, list, least, result);
   }
-  const int own = (int)in->iso->fault[two->of[0]].columns;
+  const int own = (int)in->data.iso->fault[two->of[0]].columns;
   amb_fit_write(&two->fit, 0, own, &result[two->of[0]]);
   amb_fit_write(&two->fit, own, two->fit.columns - own, &result[two->of[1]]);
 }
@@ -175,7 +175,7 @@ static void name_two(const window *in, const pairs *list, amb_real least,
 static void name_one(const window *in, int first, amb_real least, amb_isolation_result result[])
 {
   const amb_real most = result[first].likelihood;
-  for (int j = 0; j < in->iso->faults; j++) {
+  for (int j = 0; j < in->data.iso->faults; j++) {
     const amb_real margin = amb_at_least(least, share_of(in, j, first) * most);
     result[j].instead = ((most - result[j].likelihood) < margin) ? first : -1;
   }
@@ -185,7 +185,7 @@ static void name_one(const window *in, int first, amb_real least, amb_isolation_
  * innovations. */
 static int name_likeliest(window *in, int of, amb_isolation_result result[], amb_real *scale)
 {
-  const amb_isolation *iso = in->iso;
+  const amb_isolation *iso = in->data.iso;
   const bool before = result[of].before;
   int first = of;
   int named = 1;
@@ -213,14 +213,17 @@ static int name_likeliest(window *in, int of, amb_isolation_result result[], amb
 }
 
 int amb_isolation_evaluate(const amb_isolation *iso, const amb_isolation_state *state,
+                           const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
                            amb_isolation_result result[])
 {
   const unsigned int count = state->count;
   window in;
-  in.iso = iso;
-  in.state = state;
   in.samples = samples_in(iso, state); /* first: more may come in between */
-  in.newest = state->newest;
+  in.data = (samples){iso, state, kf, magnet, state->newest};
+  in.roughness = AMB_C(1.0);
+  for (int r = 0; r < iso->sensors; r++) {
+    in.roughness = amb_at_least(in.roughness, state->roughness[r]);
+  }
   in.share = iso->like;
   in.missed = AMB_C(0.0);
   name_none(iso, result);
@@ -246,11 +249,12 @@ int amb_isolation_evaluate(const amb_isolation *iso, const amb_isolation_state *
 }
 
 void amb_isolation_information(const amb_isolation *iso, const amb_isolation_state *state,
-                               int since, bool before, amb_real information[])
+                               const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES], int since,
+                               bool before, amb_real information[])
 {
-  const int samples = samples_in(iso, state);
-  const sweep w =
-      amb_sweep_to(iso, state, state->newest, (since < samples) ? since : samples, before);
+  const int filled = samples_in(iso, state);
+  const samples data = {iso, state, kf, magnet, state->newest};
+  const sweep w = amb_sweep_to(&data, (since < filled) ? since : filled, before);
   for (int j = 0; j < iso->columns; j++) {
     for (int l = 0; l < iso->columns; l++) {
       information[(j * iso->columns) + l] = entry(iso, &w, j, l);

@@ -1,12 +1,13 @@
 #include "isolation_sweep.h"
 #include "ambkit/root.h"
 
-sweep amb_sweep_begin(const amb_isolation *iso, const amb_isolation_state *state, bool crossed)
+sweep amb_sweep_begin(const samples *of, bool crossed)
 {
+  const amb_isolation *iso = of->iso;
   const int n = iso->states;
   const int c = iso->columns;
   sweep w;
-  w.z = state->work;
+  w.z = of->state->work;
   w.Z = w.z + n;
   w.Y = w.Z + (n * n);
   w.g = w.Y + (c * n);
@@ -18,18 +19,19 @@ sweep amb_sweep_begin(const amb_isolation *iso, const amb_isolation_state *state
   w.AZ = w.t + n;
   w.energy = AMB_C(0.0);
   w.crossed = crossed;
-  amb_clear(amb_isolation_work(iso), state->work);
+  amb_clear(amb_isolation_work(iso), of->state->work);
   return w;
 }
 
 /* rho of each column along a direction in a sample. */
-static void regress(const amb_isolation *iso, const amb_real *row, int direction, amb_real rho[])
+static void regress(const amb_isolation *iso, const amb_real signal[], int direction,
+                    amb_real rho[])
 {
   amb_clear(iso->columns, rho);
   for (int k = 0; k < iso->terms; k++) {
     const amb_fault_term *term = &iso->term[k];
     if ((int)term->direction == direction) {
-      rho[term->column] += term->weight * row[term->signal];
+      rho[term->column] += term->weight * signal[term->signal];
     }
   }
 }
@@ -50,11 +52,12 @@ static void learn(const amb_isolation *iso, sweep *w, amb_real a, amb_real s)
 }
 
 /* Back over the measurements of a sample, the last sensor first. */
-static void back_over_update(const amb_isolation *iso, const amb_real *row, sweep *w)
+static void back_over_update(const amb_isolation *iso, const amb_real *row, const amb_real signal[],
+                             sweep *w)
 {
   const int n = iso->states;
   const int m = iso->sensors;
-  const amb_real *measured = row + amb_isolation_row(iso) - 1 - (m * (2 + n));
+  const amb_real *measured = row + amb_isolation_row(iso) - (m * (2 + n));
   for (int r = m - 1; r >= 0; r--) {
     const amb_real *H = iso->H + (r * n);
     const amb_real S = measured[(2 * r) + 1];
@@ -66,7 +69,7 @@ static void back_over_update(const amb_isolation *iso, const amb_real *row, swee
       }
       const amb_real s = (measured[2 * r] / S) - dot(n, K, w->z);
       const amb_real weight = (AMB_C(1.0) / S) + dot(n, K, w->t);
-      regress(iso, row, iso->forces + r, w->rho);
+      regress(iso, signal, iso->forces + r, w->rho);
       for (int j = 0; j < iso->columns; j++) {
         w->y[j] = -dot(n, K, w->Y + (j * n));
       }
@@ -102,7 +105,7 @@ static void carry(int n, const amb_real *A, amb_real x[], amb_real room[])
 }
 
 /* Back over the prediction from the sample before. */
-static void back_over_prediction(const amb_isolation *iso, const amb_real *row, sweep *w)
+static void back_over_prediction(const amb_isolation *iso, const amb_real signal[], sweep *w)
 {
   const int n = iso->states;
   for (int f = 0; f < iso->forces; f++) {
@@ -110,7 +113,7 @@ static void back_over_prediction(const amb_isolation *iso, const amb_real *row, 
     for (int i = 0; i < n; i++) {
       w->t[i] = dot(n, w->Z + (i * n), b);
     }
-    regress(iso, row, f, w->rho);
+    regress(iso, signal, f, w->rho);
     for (int j = 0; j < iso->columns; j++) {
       w->y[j] = dot(n, b, w->Y + (j * n));
     }
@@ -195,38 +198,25 @@ amb_real amb_sweep_eliminate_start(const amb_isolation *iso, sweep *w)
   return explains;
 }
 
-/* The filter started afresh: later samples do not depend on the error before. */
-static void back_over_restart(const amb_isolation *iso, sweep *w)
+void amb_sweep_back(const samples *of, int ago, sweep *w)
 {
-  const int n = iso->states;
-  (void)amb_sweep_eliminate_start(iso, w);
-  amb_clear(n, w->z);
-  amb_clear(n * n, w->Z);
-  amb_clear(iso->columns * n, w->Y);
+  static const apart none = {{0}, {0}};
+  const amb_real *row = row_of(of, ago);
+  amb_real signal[AMB_SIGNALS];
+  amb_stiffness k[AMB_FORCES];
+  amb_row_signals(of, row, &none, signal, k);
+  back_over_update(of->iso, row, signal, w);
+  back_over_prediction(of->iso, signal, w);
 }
 
-void amb_sweep_back(const amb_isolation *iso, const amb_isolation_state *state, int newest, int ago,
-                    sweep *w)
+sweep amb_sweep_to(const samples *of, int since, bool before)
 {
-  const int rows = iso->window + iso->spare;
-  const int place = (newest + rows - ago) % rows;
-  const amb_real *row = state->ring + (place * amb_isolation_row(iso));
-  if (row[amb_isolation_row(iso) - 1] > AMB_C(0.0)) {
-    back_over_restart(iso, w);
-  }
-  back_over_update(iso, row, w);
-  back_over_prediction(iso, row, w);
-}
-
-sweep amb_sweep_to(const amb_isolation *iso, const amb_isolation_state *state, int newest,
-                   int since, bool before)
-{
-  sweep w = amb_sweep_begin(iso, state, true);
+  sweep w = amb_sweep_begin(of, true);
   for (int ago = 0; ago < since; ago++) {
-    amb_sweep_back(iso, state, newest, ago, &w);
+    amb_sweep_back(of, ago, &w);
   }
   if (before) {
-    (void)amb_sweep_eliminate_start(iso, &w);
+    (void)amb_sweep_eliminate_start(of->iso, &w);
   }
   return w;
 }

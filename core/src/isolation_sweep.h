@@ -22,6 +22,24 @@ typedef struct sweep {
   bool crossed; /* with all of M */
 } sweep;
 
+/* The samples under test. */
+typedef struct samples {
+  const amb_isolation *iso;
+  const amb_isolation_state *state;
+  const amb_kalman *kf;
+  const amb_magnet *magnet;
+  int newest;
+} samples;
+
+/* Numbers of a row of the ring for each force: current, displacement, late current. */
+#define ROW_OF_FORCE 3
+
+static inline const amb_real *row_of(const samples *of, int ago)
+{
+  const int rows = of->iso->window + of->iso->spare;
+  return &of->state->ring[((of->newest + rows - ago) % rows) * amb_isolation_row(of->iso)];
+}
+
 /* Samples without a contact before a search: the filter forgets it in one window, and searches
  * another. */
 static inline int free_of(const amb_isolation *iso)
@@ -43,12 +61,22 @@ static inline amb_real entry(const amb_isolation *iso, const sweep *w, int j, in
   return (j <= l) ? w->M[(j * iso->columns) + l] : w->M[(l * iso->columns) + j];
 }
 
+/* How the rotor's forces differ from those of the estimate. */
+typedef struct apart {
+  amb_real s[AMB_FORCES];    /* displacement of the rotor from the estimated one [m] */
+  amb_real half[AMB_FORCES]; /* half the relative change of the current by a faulty amplifier [1]:
+                                F(i + di) = F(i) + k_i(i + di / 2) di where F is a square of i */
+} apart;
+
+/* Signals of a row, and the stiffnesses at its displacements. */
+void amb_row_signals(const samples *of, const amb_real *row, const apart *by,
+                     amb_real signal[AMB_SIGNALS], amb_stiffness k[AMB_FORCES]);
+
 /* Start at the newest sample; `crossed`: with all of M. */
-sweep amb_sweep_begin(const amb_isolation *iso, const amb_isolation_state *state, bool crossed);
+sweep amb_sweep_begin(const samples *of, bool crossed);
 
 /* Back over sample `ago` before the newest. */
-void amb_sweep_back(const amb_isolation *iso, const amb_isolation_state *state, int newest, int ago,
-                    sweep *w);
+void amb_sweep_back(const samples *of, int ago, sweep *w);
 
 /* Eliminate an unknown error of the filter at the start of the window from g and M (Gauss, by the
  * columns of Z that the samples determine). Returns what that error explains. */
@@ -56,8 +84,7 @@ amb_real amb_sweep_eliminate_start(const amb_isolation *iso, sweep *w);
 
 /* The sweep over the last `since` samples, with all of M; `before`: the error at their start is
  * eliminated. */
-sweep amb_sweep_to(const amb_isolation *iso, const amb_isolation_state *state, int newest,
-                   int since, bool before);
+sweep amb_sweep_to(const samples *of, int since, bool before);
 
 AMB_EXTERN_C_END
 

@@ -422,7 +422,7 @@ class Isolation:
     def room(self) -> tuple[int, int]:
         """Numbers of a row of the ring, and of the memory to work in."""
 
-    def information(self, since: int, before: bool) -> Any:
+    def information(self, filter: Any, since: int, before: bool) -> Any:
         """
         Information of all columns on faults that began so many samples ago; `before`: beside any error then.
         """

@@ -1,34 +1,37 @@
 /* Fault isolation: which fault explains the innovations of a filter.
  *
- * A fault of size theta acts on the rotor along forces, on the measurements along sensors, or on
- * both. It moves the filter's error, and so its innovations e (linearised at the operating point):
+ * A fault of size theta adds forces on the rotor, readings, or both. It changes the filter's error
+ * d and so its innovations e (linearised at the operating point):
  *
  *   d  <- A d + sum over forces f of b_f (rho_f theta)              between two samples
  *   e_r = H_r d + rho_r theta,   d <- d - K_r e_r                   sensors one after the other
  *
- * Each rho is a sum of signals of the running filter with fixed weights: the force of a magnet for
- * its constant, the reading for the gain of a sensor, 1 for its offset. Faults are data: signals,
- * directions and weights. Innovations are white with variance S where nothing is wrong, so a fault
- * that begins at sample t has the log likelihood ratio (Willsky and Jones 1976)
+ * Each rho is a weighted sum of signals of the running filter: the force of a magnet for its
+ * constant, the reading for the gain of a sensor, 1 for its offset. Faults are data: signals,
+ * directions and weights. Without a fault innovations are white with variance S, so a fault that
+ * begins at sample t has the log likelihood ratio (Willsky and Jones 1976; twice the textbook's)
  *
  *   l(t) = g(t)^2 / M(t),      g = sum of e s / S,  M = sum of s^2 / S,  s: innovation by theta = 1
  *
- * (twice that of the textbook). A sweep from the newest sample back has g and M of all faults and
- * all t at once: with the information of (d, theta) in the samples from t on,
+ * A sweep from the newest sample back computes g and M of all faults and all t at once, by the
+ * information of (d, theta) in the samples from t on:
  *
  *   Z = sum of (de/dd)' (de/dd) / S,   Y = sum of (de/dd)' s / S,   z = sum of (de/dd)' e / S.
  *
- * A fault that was there before the window is tested too, with any d at its start. What l leaves of
- * the innovations gives their scale, so that a filter with the wrong noise does not accuse.
+ * A fault older than the window is tested beside an unknown d at the window's start.
  *
- * The sweep is linear in the sizes. The faults and pairs that it makes likely are replayed: the
- * error d that they make is stepped through the window with the signals of the rotor, which are
- * those of the estimate and their gradient by d, and sizes and begin are fitted (Gauss and Newton).
+ * The faults and pairs that the sweep makes likely are replayed: d is stepped along the window with
+ * the forces of the magnets at the rotor, which is where the estimate and d are, and sizes and
+ * onset are fitted (Gauss-Newton). A restart of the filter is an update with another gain.
  *
- * A fault is excluded where the named one explains more: by the margin, by the share that
- * signatures may miss, and by what the named one leaves that is correlated; of two, by that share
- * of what each adds to the other. Two are named where they explain more than any one: by the limit,
- * by twice that share, and by three times what they leave.
+ * All l are divided by the scale of the innovations: what the fault leaves of their variance, or
+ * their roughness before the window if that is larger. So a filter with wrong noise, or with a load
+ * rougher than it assumes, raises no alarm.
+ *
+ * The named fault excludes another one if it explains more than that: by the margin, by the share
+ * that signatures may miss, and by the correlation that it leaves in the residuals; of a pair, by
+ * that share of what each adds to the other. A pair is named if it explains more than any single
+ * fault: by the limit, by twice that share, and by three times the correlation left.
  *
  * Where a reading shows the rotor on a stop, whose force is unknown, the state's `contact` is 0,
  * and no fault is named until two windows are free of it.
@@ -47,6 +50,13 @@ AMB_EXTERN_C_BEGIN
  * of the mean; cosine and sine of each tone. */
 #define AMB_OF_FORCE 5  /* F; k_i i; k_s s; F by a late i, less F; half the sum of both coils */
 #define AMB_OF_SENSOR 2 /* predicted reading; the same with more lag, less itself [m] */
+#define AMB_TONES 2     /* at most */
+#define AMB_SIGNALS                                                                                \
+  (1 + ((AMB_OF_FORCE + 1) * AMB_FORCES) + (AMB_OF_SENSOR * AMB_SENSORS) + (2 * AMB_TONES))
+
+/* Blocks of a quarter of the window that are too recent for the roughness: those that a search
+ * sees, and the one that is filled. */
+#define AMB_ISOLATION_RECENT 5
 
 /* Least number of samples that a fault is judged by. */
 #define AMB_ISOLATION_LEAST 16
@@ -55,16 +65,17 @@ typedef struct amb_fault_term {
   unsigned short column;
   unsigned short direction; /* forces, then sensors */
   unsigned short signal;
-  unsigned short gradient; /* row of its gradient, from 1 on; 0: not by the filter's error; beyond
-                              the last: the reading with more lag of a sensor */
+  unsigned short gradient; /* how it depends on the filter's error: 0: not; from 1 on: by the
+                              displacement of a force, then rows of `gradient`, then readings with
+                              more lag */
   amb_real weight;
 } amb_fault_term;
 
 typedef struct amb_fault {
   unsigned short column; /* the first of one or two: a tone has two */
   unsigned short columns;
-  unsigned short load;  /* 1: no fault, but a disturbance force */
-  unsigned short group; /* those of a group, such as lag and dead time, look alike; 0: no group */
+  unsigned short load;  /* 1: a disturbance force, which is no fault */
+  unsigned short group; /* faults of a group, such as lag and dead time, look alike; 0: none */
 } amb_fault;
 
 typedef struct amb_isolation {
@@ -81,9 +92,9 @@ typedef struct amb_isolation {
   int spare;            /* samples that may be put while they are searched */
   int late;             /* samples of the late control, at most AMB_ISOLATION_LEAST */
   amb_real limit;       /* l of an alarm [1] */
-  amb_real like;        /* share of what is observed that a linearised signature may miss [1] ... */
-  amb_real fine;        /* ... one that was replayed ... */
-  amb_real alike;       /* ... by which those of a group do not differ */
+  amb_real like;        /* share of l that a linearised signature may miss [1], ... */
+  amb_real fine;        /* ... that a replayed one may, ... */
+  amb_real alike;       /* ... and by which faults of a group do not differ */
   amb_real margin;      /* by which l of a fault must exceed that of another to exclude it [1] */
   const amb_real *A;    /* states x states, with the stiffness of the magnets */
   const amb_real *b;    /* forces x states, by 1 N */
@@ -92,8 +103,11 @@ typedef struct amb_isolation {
   const amb_real *unit; /* [states] those of the filter in one of these */
   const amb_real *K;    /* sensors x states, a constant gain; NULL: by the covariance */
   const amb_real *form; /* forms x states */
-  const amb_real *gradient;   /* gradients x states: of a signal, by the error of the filter */
-  const amb_real *lag;        /* [sensors]: share by which the reading with more lag follows [1] */
+  const amb_real *h;    /* forces x states: displacement of a magnet by the filter's error */
+  const amb_real *k_s;  /* [forces]: position stiffnesses in A [N/m] */
+  const amb_real *gradient;   /* gradients x states: of a signal, by the filter's error */
+  const amb_real *lag;        /* sensors x 2: shares of the last reading and of its change since by
+                                 which the reading with more lag follows [1] */
   const amb_real *turn;       /* tones x 2: cosine and sine of the angle in a sample */
   const amb_fault *fault;     /* [faults] */
   const amb_fault_term *term; /* [terms] */
@@ -104,7 +118,8 @@ typedef struct amb_isolation {
 typedef struct amb_isolation_state {
   amb_real *ring;
   amb_real *work;
-  amb_real mean[AMB_STATES]; /* after the last sample */
+  amb_real mean[AMB_STATES];  /* after the last sample */
+  amb_real read[AMB_SENSORS]; /* predicted reading */
   amb_real lagged[AMB_SENSORS];
   amb_real current[AMB_ISOLATION_LEAST + 1][AMB_FORCES];
   volatile int newest;         /* row of the ring */
@@ -112,17 +127,21 @@ typedef struct amb_isolation_state {
   volatile unsigned int count; /* samples put */
   volatile int contact;        /* samples since the rotor was on a stop, up to two windows */
   int seen;                    /* samples since the start, up to AMB_ISOLATION_LEAST */
+  volatile amb_real roughness[AMB_SENSORS]; /* of the innovations before the window, at least 1 */
+  amb_real recent[AMB_ISOLATION_RECENT][AMB_SENSORS]; /* sums of e / sqrt(S), the newest first */
+  int block;                                          /* samples in the newest sum */
+  int blocks;                                         /* that the roughness is of */
 } amb_isolation_state;
 
-/* What an evaluation says of a fault. */
+/* Result of an evaluation for a fault. */
 typedef struct amb_isolation_result {
   amb_real likelihood;  /* l over the scale of the innovations [1] */
   amb_real size[2];     /* of its columns, [unit of the fault] */
-  amb_real variance[2]; /* of that */
-  int since;            /* samples; the window where it was there before */
-  bool before;          /* whether it was there before the window */
-  int instead; /* the named fault in whose place it explains as much; its own place: it is named;
-                * -1: it is excluded */
+  amb_real variance[2]; /* of the sizes */
+  int since;            /* samples since its onset; the window if it is older */
+  bool before;          /* whether it is older than the window */
+  int instead; /* the named fault that it could replace; its own index: it is named; -1: it is
+                * excluded */
 } amb_isolation_result;
 
 int amb_isolation_row(const amb_isolation *isolation);
@@ -139,15 +158,17 @@ void amb_isolation_put(const amb_isolation *isolation, amb_isolation_state *stat
                        amb_real faster);
 
 /* Search the window. Writes a result for each fault, and returns how many are named: none, one or
- * two; -1: none, as more than `spare` samples were put meanwhile. They are faults for sure where no
- * load is possible in their place. */
+ * two; -1: none, as more than `spare` samples were put meanwhile. A named fault is certain if no
+ * load could replace it. */
 int amb_isolation_evaluate(const amb_isolation *isolation, const amb_isolation_state *state,
+                           const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
                            amb_isolation_result result[]);
 
 /* Information of all columns [columns x columns] of faults that began `since` samples ago, at most
  * the window; `before`: beside any error of the filter at that time. */
 void amb_isolation_information(const amb_isolation *isolation, const amb_isolation_state *state,
-                               int since, bool before, amb_real information[]);
+                               const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES], int since,
+                               bool before, amb_real information[]);
 
 AMB_EXTERN_C_END
 

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from ambkit.base.arrays import Array
 from ambkit.estimate.estimator import Estimator
 from ambkit.export.c import c_literals, cost, filter_test_cases
 from ambkit.export.c.c_literals import Constants, CPrecision, Crc, Name
 from ambkit.export.c.exported import Export
 from ambkit.export.c.filter_test_cases import TestCase
-from ambkit.export.c.test_vectors import Vectors
 from ambkit.judge.isolation.isolation import FaultIsolation
 
 FROM = 60  #: Sample at which faults of the self-test begin.
@@ -24,7 +24,7 @@ _COUNTS = (
 _REALS = ("limit", "margin", "like", "fine", "alike")
 _FAULT = ("column", "columns", "load", "group")
 _TERM = ("column", "direction", "signal", "gradient", "weight")
-_ARRAYS = ("A", "b", "H", "bias", "unit", "K", "form", "gradient", "lag", "turn")
+_ARRAYS = ("A", "b", "H", "bias", "unit", "K", "form", "h", "k_s", "gradient", "lag", "turn")
 
 
 def context(export: Export) -> dict[str, Any]:
@@ -108,12 +108,21 @@ def test_case(filter: Estimator) -> TestCase:
     return case._replace(name="two faults")
 
 
-def tested(export: Export, vectors: Vectors) -> dict[str, Any]:
+def of_controller(export: Export) -> dict[str, Any]:
+    """Return a run with faults for the self-test of an axis's controller, and its search."""
+    case, filter = test_case(export.filter), export.filter
+    y, u = (np.asarray(of, np.dtype(filter.precision)) for of in (case.y, case.u))
+    numbers = {"y": y.ravel(), "u": u.ravel(), "mean": np.asarray(filter.initial_state(y))}
+    arrays = {key: c_literals.array(of, export.precision) for key, of in numbers.items()}
+    return tested(export, [(y, u)]) | arrays | {"samples": len(y)}
+
+
+def tested(export: Export, runs: Sequence[tuple[Array, Array]]) -> dict[str, Any]:
     """Return the results of a search at the end of each run of the self-test."""
     filter, isolation = export.filter, FaultIsolation(export.filter)
     number = np.dtype(filter.precision).type
     searches = []
-    for run in vectors.si:
+    for run in runs:
         y, u = (np.asarray(values, number) for values in run)
         filter.reset(filter.initial_state(y))
         searches.append(isolation.core.run(filter.core, y, u, len(y)))

@@ -195,9 +195,10 @@ def _tested(export: Export) -> dict[str, Any]:
             filter, export.magnets, settling=settling, bound=bound, more=more
         )
         test_data = test_vectors.context(tested, filter, precision)
-        searched = faults.tested(export, tested) if export.distinction else None
+        searched = faults.tested(export, tested.si) if export.distinction else None
     else:
         test_data = {key: export.flown["levitated"][key] for key in ("runs", "coverage")}
+        searched = faults.of_controller(export) if export.distinction else None
     return {
         "bound": (_BOUNDS_OF_MACHINES if export.several else _BOUNDS)[precision],
         **test_data,

@@ -19,6 +19,7 @@ from ambkit.result.row import Row, Section, put
 FEW = 4  #: Curves of a picture.
 LISTED = 6  #: Faults in the table of a terminal, besides those that are named or possible.
 LEAST = 1.0  #: Likelihood ratio at its lower edge.
+ROUGH = 2.0  #: Variance of slow innovations, over the stated one, that is remarked on.
 
 
 @dataclass(frozen=True, repr=False)
@@ -119,7 +120,17 @@ class Diagnosis(Result):
     def notes(self) -> Sequence[str]:
         left = len({row.of for row in self.rows if row.detail})
         rest = [f"{left} further faults are less likely"] * (left > 0)
-        return [*self.remarks, *rest]
+        return [*self.remarks, *self._rough, *rest]
+
+    @property
+    def _rough(self) -> list[str]:
+        """The remark that the load is rougher than the filter assumes."""
+        s, k = self.searches, self.decisive
+        rough = float(s.roughness[slice(k, None if k is None else k + 1)].max(initial=0.0))
+        return [
+            f"the disturbance force is about {rough:.2g} times as intense as the filter assumes, "
+            "by its slow innovations: likelihood ratios are divided by that; tune process noise"
+        ] * (rough > ROUGH)
 
     @property
     def series(self) -> dict[str, Any]:

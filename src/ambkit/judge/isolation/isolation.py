@@ -31,7 +31,7 @@ SEARCHES = 4  #: Of a window.
 LIMIT, MARGIN = 40.0, 16.0
 """Log likelihood ratios (times two): of an alarm, and between what is named and what is not."""
 
-LIKE, FINE, ALIKE = 0.05, 0.005, 0.5
+LIKE, FINE, ALIKE = 0.05, 0.001, 0.5
 """Shares of what is observed that a linearised signature may miss, that a replayed one may, and by
 which those of a group do not differ: a lag is seen in readings that are late already."""
 NINE_IN_TEN = 1.65
@@ -51,6 +51,7 @@ class Searches:
     instead: NDArray[np.intp]  #: (n, k) The named fault in whose place it explains as much, or -1.
     before: NDArray[np.bool_]  #: (n, k) Whether it was there before the window.
     contact: NDArray[np.intp]  #: (n,) Samples since the rotor was on a stop, up to two windows.
+    roughness: Array  #: (n,) Variance of slow innovations before the window over the stated one.
     window: int  #: Samples that a search sees.
 
     @property
@@ -125,7 +126,7 @@ class FaultIsolation:
         """What the core is made of."""
         kalman = self.kalman
         A, b, H, units, K = _error_model(kalman)
-        gradient = _gradients(kalman, units, H)
+        gradient = np.vstack([H, kalman.model.r * units])
         tones = np.array(tones_of(kalman.view)) * kalman.machine.sampling_time
         columns = [column for signature in self.signatures for column in signature.columns]
         first = np.cumsum([0, *(len(signature.columns) for signature in self.signatures)])
@@ -137,10 +138,12 @@ class FaultIsolation:
             "limit": self.limit, "margin": self.margin, "like": LIKE, "fine": FINE, "alike": ALIKE,
             "gradients": len(gradient), "gradient": gradient.ravel().tolist(),
             "A": A.ravel().tolist(), "b": b.ravel().tolist(), "H": H.ravel().tolist(),
+            "h": (kalman.model.h * units).ravel().tolist(),
+            "k_s": np.atleast_1d(_tangents(kalman)[1]).tolist(),
             "bias": [of.magnet.bias_current or 0.0 for of in kalman.view.isolated],
             "unit": units.tolist(), "K": None if K is None else K.ravel().tolist(),
             "form": form.ravel().tolist(),
-            "lag": [-math.expm1(-kalman.machine.sampling_time / lag) for lag in lags],
+            "lag": [share for lag in lags for share in _lag(lag / kalman.machine.sampling_time)],
             "turn": np.column_stack([np.cos(tones), np.sin(tones)]).ravel().tolist(),
             "faults": [
                 (int(at), len(signature.columns), signature.load, signature.group)
@@ -165,7 +168,8 @@ class FaultIsolation:
             np.asarray(result["size"], float),
             np.sqrt(np.maximum(np.asarray(result["variance"], float), 0.0)),
             np.asarray(result["since"], int), np.asarray(result["instead"], int),
-            np.asarray(result["before"], bool), np.asarray(result["contact"], int), self.window,
+            np.asarray(result["before"], bool), np.asarray(result["contact"], int),
+            np.asarray(result["roughness"], float), self.window,
         )  # fmt: skip
 
     def least_sizes(self) -> LeastSizes:
@@ -201,7 +205,7 @@ class FaultIsolation:
 
     def information(self, since: int, *, before: bool = False) -> Array:
         """Information of all columns (k, k) on faults that began so many samples ago."""
-        return np.asarray(self.core.information(since, before), float)
+        return np.asarray(self.core.information(self.kalman.core, since, before), float)
 
 
 def _tangents(kalman: Any) -> Any:
@@ -209,10 +213,10 @@ def _tangents(kalman: Any) -> Any:
     return tangents_known(kalman.magnet, "tangent", operating_point(kalman.machine))
 
 
-def _gradients(kalman: Any, units: Array, H: Array) -> Array:
-    """Return the gradients of forces, readings and forms by the filter's error."""
-    k_s = np.atleast_1d(_tangents(kalman)[1])
-    return np.vstack([k_s[:, None] * kalman.model.h * units, H, kalman.model.r * units])
+def _lag(samples: float) -> tuple[float, float]:
+    """Return the shares of the last reading and of its change by which a lag follows a ramp."""
+    old = -math.expm1(-1 / samples)
+    return old, 1 - samples * old
 
 
 def _error_model(kalman: Any) -> tuple[Array, Array, Array, Array, Array | None]:

@@ -132,7 +132,7 @@ def _of_axis(places: Places, f: int, axis: Any, of: Machine) -> Iterator[Signatu
         yield fault("upper coil", "coil towards +x", "1", 1.0, (force, 0.5), (coils, 1.0))
         yield fault("lower coil", "coil towards -x", "1", 1.0, (force, 0.5), (coils, -1.0))
     yield fault("amplifier", "gain of the amplifier", "1", 1.0, (current, 1.0))
-    of_gap = ((0, -2 * bias), (current, -2.0), (place, -3.0))
+    of_gap = ((force, -2.0), (0, -2 * bias), (place, -1.0))
     yield fault("gap", "air gap", "1", 1.0, *of_gap, group=DYNAMICS)
     delay = (late, 1 / LATE_BY)
     yield fault("dead time", "delay of the control", "samples", 10.0, delay, group=LATENCY)
