@@ -98,7 +98,10 @@ def turning(of: CModel, nodes: Nodes) -> CModel:
         "grown": Name("model_grown"), "by_growth": Name("model_by_growth"),
     }  # fmt: skip
     return of._replace(
-        sources=(*of.sources, "src/turning.c"), numbers=numbers, arrays=arrays, turning=node_fields
+        sources=(*of.sources, "src/turning.c", "src/synchronous.c"),
+        numbers=numbers,
+        arrays=arrays,
+        turning=node_fields,
     )
 
 

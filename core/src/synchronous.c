@@ -1,0 +1,353 @@
+#include "ambkit/model.h"
+
+#if defined(AMB_MODEL_LOOPS)
+
+#include "ambkit/root.h"
+#include "ambkit/turning.h"
+
+/* Synchronous states, pairs of a cosine and a sine component, of a rotor whose angle is estimated:
+ * the effects of the speed error, restarts after a lost angle, and the direction of rotation. */
+
+/* An entry of L, whose values come first in the model's numbers; NULL: not in its pattern. */
+static amb_real *entry(const amb_model *model, amb_real numbers[], int row, int column)
+{
+  amb_real *result = NULL;
+  for (int k = model->L.start[row]; k < (int)model->L.start[row + 1]; k++) {
+    if ((int)model->L.column[k] == column) {
+      result = &numbers[k];
+    }
+  }
+  return result;
+}
+
+/* Makes a state independent of all previous states. */
+static void clear_row(const amb_model *model, amb_real numbers[], int row)
+{
+  for (int k = model->L.start[row]; k < (int)model->L.start[row + 1]; k++) {
+    numbers[k] = AMB_C(0.0);
+  }
+}
+
+/* Rotates a pair by the error of the angle: the column of the error, state `at`, becomes the
+ * derivative, and the mean is rotated back by what that column adds. */
+static void rotate_pair(const amb_model *model, amb_real numbers[], amb_real mean[], int i,
+                        amb_real angle_by_error, int at)
+{
+  amb_real *by_error[2] = {entry(model, numbers, i, at), entry(model, numbers, i + 1, at)};
+  if ((by_error[0] == NULL) || (by_error[1] == NULL)) {
+    return;
+  }
+  *by_error[0] = AMB_C(0.0);
+  *by_error[1] = AMB_C(0.0);
+  const amb_real x = amb_sparse_times(&model->L, numbers, i, mean);
+  const amb_real y = amb_sparse_times(&model->L, numbers, i + 1, mean);
+  const amb_real back = angle_by_error * mean[at];
+  const amb_real rotated = mean[i] + (back * mean[i + 1]);
+  mean[i + 1] -= back * mean[i];
+  mean[i] = rotated;
+  *by_error[0] = -angle_by_error * y;
+  *by_error[1] = angle_by_error * x;
+}
+
+/* Half the relative change of speed^2 + |growth|, to which unbalance forces are proportional, per
+ * rad/s. */
+static amb_real share_of(amb_real speed, amb_real growth)
+{
+  const amb_real total = (speed * speed) + amb_magnitude(growth);
+  return (total > AMB_C(0.0)) ? (speed / total) : AMB_C(0.0);
+}
+
+/* Change of state i within a sample per rad/s of speed error, as pair forces depend on the speed.
+ */
+static amb_real force_by_error(const amb_model *model, const amb_speed_error *error,
+                               amb_real numbers[], const amb_real mean[], int i, amb_real share)
+{
+  amb_real sum = AMB_C(0.0);
+  for (int k = 0; k < error->pairs; k++) {
+    const amb_synchronous *pair = &error->pair[k];
+    for (int j = pair->state; (j < (pair->state + 2)) && (pair->power > AMB_C(0.0)); j++) {
+      const amb_real *value = entry(model, numbers, i, j);
+      sum += (value == NULL) ? AMB_C(0.0) : (pair->power * (*value * mean[j]));
+    }
+  }
+  return share * sum;
+}
+
+/* The same for all positions and velocities; what the column of the error adds is subtracted from
+ * their means. */
+static void force_states(const amb_model *model, const amb_speed_error *error, amb_real numbers[],
+                         amb_real mean[], amb_real share)
+{
+  const int at = error->state;
+  for (int i = 0; i < amb_states(model); i++) {
+    const amb_role role = amb_model_role(model, i);
+    amb_real *by_error = entry(model, numbers, i, at);
+    if ((by_error != NULL) && ((role == AMB_POSITION) || (role == AMB_VELOCITY))) {
+      *by_error = force_by_error(model, error, numbers, mean, i, share);
+      mean[i] -= *by_error * mean[at];
+    }
+  }
+}
+
+/* Additional process noise of an uncertain pair if the speed error changes: its effect on other
+ * states changes in proportion, a second-order term without an entry in L. The variance of the pair
+ * stays below the initial one. */
+static amb_real by_change(const amb_synchronous *pair, const amb_kalman *kf,
+                          const amb_kalman_state *state, const amb_rotation *rotation,
+                          amb_real start)
+{
+  const int n = amb_states(&kf->model);
+  const int i = pair->state;
+  const amb_real both = state->cov[amb_entry(n, i, i)] + state->cov[amb_entry(n, i + 1, i + 1)];
+  const amb_real mean = both / AMB_C(2.0);
+  const bool known = !rotation->lost && !rotation->afresh;
+  const amb_real share =
+      known ? (pair->power * share_of(rotation->speed, rotation->acceleration)) : AMB_C(0.0);
+  const amb_real most = amb_at_least(start - mean, AMB_C(0.0));
+  return amb_at_most(((share * share) * rotation->change) * mean, most);
+}
+
+/* A pair over a sample: it rotates by the error in addition to the known angle, unless the angle is
+ * lost. */
+static void follow(const amb_synchronous *pair, const amb_speed_error *error, amb_kalman *kf,
+                   amb_kalman_state *state, amb_real numbers[], const amb_rotation *rotation)
+{
+  amb_real *mean = state->mean;
+  const amb_real std = error->std[pair->state];
+  const amb_real by_error = rotation->lost ? AMB_C(0.0) : (pair->order * kf->set.T);
+  kf->set.var_d[pair->noise] = pair->usual + by_change(pair, kf, state, rotation, std * std);
+  rotate_pair(&kf->model, numbers, mean, pair->state, by_error, error->state);
+  if (rotation->afresh) {
+    clear_row(&kf->model, numbers, pair->state);
+    clear_row(&kf->model, numbers, pair->state + 1);
+  }
+}
+
+#define TURN AMB_C(6.283185307179586)
+
+/* Revolutions after which the size of a pair is known. */
+#define SIZED AMB_C(8.0)
+
+/* Squares of twice the amplitude of the pairs over the initial variance [1]: [0] of those that do
+ * not depend on the speed, as runout, [1] of those that do, as unbalance. Twice, because the runout
+ * of several sensors may be in phase. */
+static void size_of(const amb_model *model, const amb_speed_error *error,
+                    const amb_kalman_state *state, amb_real size[2])
+{
+  const int n = amb_states(model);
+  size[0] = AMB_C(0.0);
+  size[1] = AMB_C(0.0);
+  for (int k = 0; k < error->pairs; k++) {
+    const int at = error->pair[k].state;
+    const int which = (error->pair[k].power > AMB_C(0.0)) ? 1 : 0;
+    amb_real sum = AMB_C(0.0);
+    for (int i = at; i < (at + 2); i++) {
+      sum += (state->mean[i] * state->mean[i]) + state->cov[amb_entry(n, i, i)];
+    }
+    const amb_real over = (AMB_C(2.0) * sum) / (error->std[at] * error->std[at]);
+    size[which] = amb_at_least(amb_at_most(over, AMB_C(1.0)), size[which]);
+  }
+}
+
+/* Stores the size of the pairs when the angle is lost, and integrates the angle since they started.
+ */
+static void note_size(const amb_model *model, const amb_speed_error *error,
+                      const amb_kalman_state *state, const amb_rotation *rotation, amb_real T,
+                      amb_direction *direction)
+{
+  const bool begins = rotation->lost || rotation->afresh || !(direction->passed >= AMB_C(0.0));
+  if (rotation->lost && (direction->passed > (SIZED * TURN))) {
+    size_of(model, error, state, direction->size);
+  }
+  direction->passed =
+      begins ? AMB_C(0.0) : (direction->passed + (amb_magnitude(rotation->speed) * T));
+}
+
+/* Adds the uncertainty of the restarted pairs to all states that were estimated without them, also
+ * bending and sensor states: otherwise these would separate unbalance from runout, which is
+ * impossible at a constant speed. Scaled by the size of the pairs if it is known; velocities by
+ * that of unbalance, and by displacements times the speed. */
+static void widen(const amb_model *model, const amb_speed_error *error, const amb_real size[2],
+                  amb_real square_speed, amb_real process_noise[])
+{
+  const int n = amb_states(model);
+  const amb_real most = amb_at_least(size[0], size[1]);
+  const bool sized = (most > AMB_C(0.0)) && (most < AMB_C(1.0));
+  int next = amb_first(model, AMB_VELOCITY);
+  for (int i = 0; i < n; i++) {
+    const amb_role role = amb_model_role(model, i);
+    const amb_real share = sized ? ((role == AMB_VELOCITY) ? size[1] : most) : AMB_C(1.0);
+    const amb_real variance = share * (error->std[i] * error->std[i]);
+    if ((role != AMB_KNOWN) && (i != error->state)) {
+      process_noise[amb_entry(n, i, i)] += variance;
+    }
+    if ((role == AMB_POSITION) && (next >= 0) && (next < n)) {
+      process_noise[amb_entry(n, next, next)] += square_speed * variance;
+      next++;
+    }
+  }
+}
+
+/* Memory of the corrections in revolutions; and thresholds of their backward sum, relative to its
+ * variance by noise and to the forward sum. */
+#define TURNS AMB_C(32.0)
+#define CHANCE AMB_C(12.0)
+#define CLEAR AMB_C(4.0)
+
+static amb_real square_of(const amb_real z[2])
+{
+  return (z[0] * z[0]) + (z[1] * z[1]);
+}
+
+/* Restarts the sums of the corrections. */
+static void restart_sums(amb_direction *direction)
+{
+  const amb_direction anew = {.mirrored = direction->mirrored,
+                              .abandoned = direction->abandoned,
+                              .phase = {AMB_C(1.0), AMB_C(0.0)}};
+  *direction = anew;
+}
+
+/* Sum over the pairs of first order of their cosine (i = 0) or sine (1) components, each relative
+ * to its initial standard deviation; with `numbers` that at the next sample. If there is unbalance,
+ * runout is left out: a reading corrects both in opposite directions, and the sum may cancel. */
+static amb_real sum_of(const amb_speed_error *error, const amb_model *model,
+                       const amb_real numbers[], const amb_real mean[], int i)
+{
+  amb_real sum = AMB_C(0.0);
+  for (int k = 0; k < error->pairs; k++) {
+    const int at = error->pair[k].state + i;
+    const bool first = !(error->pair[k].power < error->pair[0].power);
+    if (first && (error->pair[k].order < AMB_C(1.5))) {
+      const amb_real value =
+          (numbers == NULL) ? mean[at] : amb_sparse_times(&model->L, numbers, at, mean);
+      sum += value / error->std[at];
+    }
+  }
+  return sum;
+}
+
+/* Adds the last measurement's correction of the pairs to the sums. */
+static void watch(const amb_speed_error *error, const amb_model *model, const amb_real mean[],
+                  amb_direction *direction)
+{
+  const amb_real *p = direction->phase;
+  const amb_real z[2] = {sum_of(error, model, NULL, mean, 0) - direction->predicted[0],
+                         sum_of(error, model, NULL, mean, 1) - direction->predicted[1]};
+  const amb_real size = amb_root(square_of(z));
+  if ((size > AMB_C(0.0)) && (direction->passed > TURN)) { /* a pair is known after a revolution */
+    const amb_real kept = AMB_C(1.0) - amb_at_most(direction->angle / (TURNS * TURN), AMB_C(1.0));
+    const amb_real c[2] = {(z[0] * p[0]) / size, (z[1] * p[0]) / size};
+    const amb_real s[2] = {(z[0] * p[1]) / size, (z[1] * p[1]) / size};
+    direction->back[0] = (kept * direction->back[0]) + (c[0] - s[1]);
+    direction->back[1] = (kept * direction->back[1]) + (c[1] + s[0]);
+    direction->forth[0] = (kept * direction->forth[0]) + (c[0] + s[1]);
+    direction->forth[1] = (kept * direction->forth[1]) + (c[1] - s[0]);
+    direction->by_chance = ((kept * kept) * direction->by_chance) + AMB_C(1.0);
+  }
+}
+
+/* Whether the corrections rotate backwards, more clearly than at the last reversal; if so, the
+ * direction is reversed. */
+static bool is_reversed(amb_direction *direction)
+{
+  const amb_real square = square_of(direction->back);
+  const amb_real share = square / (direction->by_chance * direction->by_chance);
+  const bool back = (square > (CHANCE * direction->by_chance)) &&
+                    (square > (CLEAR * square_of(direction->forth))) &&
+                    (share > direction->abandoned);
+  if (back) {
+    direction->mirrored = !direction->mirrored;
+    direction->abandoned = share;
+    restart_sums(direction);
+  }
+  return back;
+}
+
+/* Prediction of the pairs for the next sample, and the angle until then at this speed. */
+static void look_ahead(const amb_speed_error *error, const amb_kalman *kf, amb_real numbers[],
+                       const amb_real mean[], amb_real speed, amb_direction *direction)
+{
+  const int at = error->pair[0].state;
+  const amb_real *L[2] = {entry(&kf->model, numbers, at, at),
+                          entry(&kf->model, numbers, at + 1, at)};
+  const amb_real *p = direction->phase;
+  for (int i = 0; i < 2; i++) {
+    direction->predicted[i] = sum_of(error, &kf->model, numbers, mean, i);
+  }
+  if ((L[0] != NULL) && (L[1] != NULL) && (error->pair[0].order < AMB_C(1.5))) {
+    const amb_real z[2] = {(p[0] * *L[0]) - (p[1] * *L[1]), (p[0] * *L[1]) + (p[1] * *L[0])};
+    const amb_real size = amb_root(square_of(z));
+    direction->phase[0] = (size > AMB_C(0.0)) ? (z[0] / size) : AMB_C(1.0);
+    direction->phase[1] = (size > AMB_C(0.0)) ? (z[1] / size) : AMB_C(0.0);
+  }
+  direction->angle = amb_magnitude(speed) * kf->set.T;
+  direction->passed += direction->angle;
+}
+
+/* The rotation in the detected direction; when it changes, the pairs restart. */
+static amb_rotation directed(const amb_speed_error *error, const amb_kalman *kf,
+                             const amb_kalman_state *state, amb_direction *direction,
+                             const amb_rotation *rotation)
+{
+  amb_rotation at = *rotation;
+  if (at.lost || at.afresh || !(direction->by_chance >= AMB_C(0.0))) {
+    direction->abandoned = AMB_C(0.0);
+    restart_sums(direction);
+  } else if (amb_magnitude(at.now) > AMB_C(0.0)) {
+    watch(error, &kf->model, state->mean, direction);
+    at.afresh = is_reversed(direction);
+  } else { /* the angle is not known well enough */
+  }
+  if (direction->mirrored) {
+    at.speed = -at.speed;
+    at.acceleration = -at.acceleration;
+    at.now = -at.now;
+  }
+  return at;
+}
+
+amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_kalman *kf,
+                    amb_kalman_state *state, amb_real numbers[], amb_direction *direction,
+                    const amb_rotation *rotation)
+{
+  const int at = error->state;
+  const bool watched = (at >= 0) && error->reverses && (error->pairs > 0);
+  const amb_rotation by = watched ? directed(error, kf, state, direction, rotation) : *rotation;
+  const amb_real known = ((at < 0) || by.lost || by.afresh) ? AMB_C(0.0) : state->mean[at];
+  const amb_real speed = by.speed + known;
+  amb_turning_to(nodes, speed, by.acceleration, numbers);
+  if ((at >= 0) && !watched) {
+    note_size(&kf->model, error, state, rotation, kf->set.T, direction);
+  }
+  amb_real *own = (at < 0) ? NULL : entry(&kf->model, numbers, at, at);
+  if (own != NULL) {
+    *own = by.kept;
+    kf->set.var_d[error->noise] = by.noise;
+    state->mean[at] = known;
+    force_states(&kf->model, error, numbers, state->mean,
+                 by.lost ? AMB_C(0.0) : share_of(speed, by.acceleration));
+    for (int k = 0; k < error->pairs; k++) {
+      follow(&error->pair[k], error, kf, state, numbers, &by);
+    }
+    if (watched) {
+      look_ahead(error, kf, numbers, state->mean, speed, direction);
+    }
+  }
+  amb_model_growth(&kf->model, kf->set.var_d, kf->growth);
+  if (by.afresh && (error->std != NULL)) {
+    static const amb_real unknown[2] = {AMB_C(0.0), AMB_C(0.0)};
+    const amb_real *size = watched ? unknown : direction->size;
+    const amb_real speed_variance = watched ? AMB_C(0.0) : by.noise;
+    widen(&kf->model, error, size, (by.now * by.now) + speed_variance, kf->growth);
+  }
+  const bool sized = amb_at_least(direction->size[0], direction->size[1]) > AMB_C(0.0);
+  return (sized && (direction->passed < TURN)) ? AMB_C(0.0) : by.now;
+}
+
+amb_status amb_direction_status(const amb_direction *direction, amb_real speed)
+{
+  return (direction->mirrored && (amb_magnitude(speed) > AMB_C(0.0))) ? AMB_MIRRORED : AMB_OK;
+}
+
+#endif
