@@ -22,7 +22,7 @@
 
 static void begin(NAME_STATE *s);
 static outcome step(NAME_STATE *s, outside *o, const amb_real y[AMB_SENSORS],
-                  amb_real iu[AMB_CONTROLS]);
+                    amb_real iu[AMB_CONTROLS]);
 
 typedef struct loop {
   NAME_STATE s;
