@@ -12,7 +12,7 @@ import numpy as np
 from ambkit.base.arrays import interpolated
 from ambkit.data.reading.candidates import Candidate
 from ambkit.data.reading.channel_statistics import COMPARED, LOOKED_AT, seen
-from ambkit.data.reading.comparison import Beside, leads
+from ambkit.data.reading.comparison import Beside, is_filter_of, leads
 from ambkit.data.reading.derived_channels import same_numbers
 from ambkit.data.reading.position_search import Rotor, in_steps, rotor
 from ambkit.data.signals import si_unit
@@ -131,6 +131,11 @@ def _name_rotor(moves: Rotor, channels: Sequence[Candidate]) -> None:
             estimate.role, estimate.estimated = role, True
             rawer = "less in steps" if in_steps(first.values) else "with less noise"
             estimate.why.append(f"moves as {first.label}, {rawer}: an estimate of it")
+            if role == "y" and not (
+                Beside.of(estimate, first).is_near and is_filter_of(estimate, first)
+            ):
+                why = "it moves likewise, but in another unit, or with noise of its own"
+                estimate.rivals.append((first, why))
     for a, b in moves.others:
         for k, other in ((a, b), (b, a)):
             label = channels[other].label

@@ -279,6 +279,8 @@ def _beside(c: Candidate, y: Candidate) -> None:
     elif not is_position and beside.is_near and beside.noise * RAWER < 1:
         c.role, c.estimated = "y", True
         c.why.append(f"lies within the noise of {y.label}: an estimate or a copy of it")
+        if not is_filter_of(c, y):
+            c.rivals.append((y, "it may be a second sensor, as its noise is its own"))
 
 
 def _find_marks(results: Sequence[Candidate]) -> None:
