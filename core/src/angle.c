@@ -3,17 +3,17 @@
 
 #define TURN AMB_C(6.283185307179586)
 
-/* Standard deviations beyond which a reading is left out; after so many in a row it is believed. */
+/* Readings beyond this many standard deviations are outliers; so many in a row are accepted. */
 #define GATE AMB_C(5.0)
 #define OUTLIERS 3U
 
-/* Marks that a rotor passes by the prediction without one, after which there are none. */
+/* Predicted number of marks without a pulse after which pulses count as missing. */
 #define MISSED AMB_C(2.5)
 
-/* The jerk is such that the acceleration changes by what is usual within this time [s]. */
+/* Time in which the jerk changes the acceleration by its typical size [s]. */
 #define STEADY AMB_C(1.0)
 
-/* Places in the upper triangle. */
+/* Indices in the upper triangle. */
 static const int at[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
 
 static amb_real square(amb_real a)
@@ -21,7 +21,7 @@ static amb_real square(amb_real a)
   return a * a;
 }
 
-/* The least angle that differs from this by whole distances. */
+/* The smallest angle equal to this one modulo the distance. */
 static amb_real wrapped(amb_real angle, amb_real distance)
 {
   const amb_real turns = angle / distance;
@@ -36,7 +36,7 @@ static amb_real jerk(const amb_angle_settings *set)
   return square(set->acceleration) / STEADY;
 }
 
-/* Distance of the marks; an encoder's angle is known but for whole turns. */
+/* Distance of the marks; an encoder's angle is known modulo a revolution. */
 static amb_real distance_of(const amb_angle_settings *set)
 {
   return (set->sensor == AMB_ANGLE_PULSES) ? (TURN / set->per_turn) : TURN;
@@ -60,7 +60,7 @@ amb_status amb_angle_check(const amb_angle_settings *set)
   return good ? AMB_OK : AMB_BAD_PARAMETER;
 }
 
-/* Nothing is known of the angle, of the speed as much as these say. */
+/* Start with an unknown angle, and with this speed and its variance. */
 static void begin(const amb_angle_settings *set, amb_angle_state *s, amb_real speed,
                   amb_real variance)
 {
@@ -89,7 +89,7 @@ void amb_angle_reset(const amb_angle_settings *set, amb_angle_state *state)
   state->waits = true;
 }
 
-/* From one time to a later one. */
+/* Time update over t [s]. */
 static void predict(const amb_angle_settings *set, amb_angle_state *s, amb_real t)
 {
   amb_real *P = s->cov;
@@ -97,7 +97,7 @@ static void predict(const amb_angle_settings *set, amb_angle_state *s, amb_real 
   const amb_real q = jerk(set);
   s->mean[0] += (t * s->mean[1]) + (half * s->mean[2]);
   s->mean[1] += t * s->mean[2];
-  /* P = Phi P Phi' with Phi = [1 t t^2/2; 0 1 t; 0 0 1], and the jerk's share. */
+  /* P = Phi P Phi' with Phi = [1 t t^2/2; 0 1 t; 0 0 1], plus process noise by the jerk. */
   const amb_real a_w = P[1] + (t * P[3]) + (half * P[4]);
   const amb_real a_a = P[2] + (t * P[4]) + (half * P[5]);
   const amb_real w_w = P[3] + (t * P[4]);
@@ -115,7 +115,7 @@ static void predict(const amb_angle_settings *set, amb_angle_state *s, amb_real 
   P[5] += q * t;
 }
 
-/* Variance that the prediction of H x has, and P H'. */
+/* Variance of the predicted H x, and P H'. */
 static amb_real innovation_terms(const amb_angle_state *s, const amb_real H[3], amb_real PH[3])
 {
   amb_real S = AMB_C(0.0);
@@ -128,7 +128,7 @@ static amb_real innovation_terms(const amb_angle_state *s, const amb_real H[3], 
   return S;
 }
 
-/* Take in an innovation of noise R; Joseph's form, which stays positive. */
+/* Update with an innovation of noise variance R, in Joseph's form, which stays positive. */
 static void correct(amb_angle_state *s, const amb_real H[3], const amb_real PH[3], amb_real S,
                     amb_real R, amb_real innovation)
 {
@@ -155,9 +155,8 @@ static void correct(amb_angle_state *s, const amb_real H[3], const amb_real PH[3
   }
 }
 
-/* By how many marks the rotor has moved between two pulses: one forwards or backwards, or none
- * where it reversed at a known acceleration. The speed that is nearest to the prediction says
- * it. */
+/* Number of marks by which the rotor has moved between two pulses: one forward or backward, or none
+ * if it reversed at a known acceleration; that of which the speed is nearest to the prediction. */
 static amb_real marks_between(const amb_angle_settings *set, const amb_angle_state *s,
                               amb_real predicted, amb_real pace, amb_real drift)
 {
@@ -171,8 +170,8 @@ static amb_real marks_between(const amb_angle_settings *set, const amb_angle_sta
   return reversed ? AMB_C(0.0) : (back ? AMB_C(-1.0) : AMB_C(1.0));
 }
 
-/* A mark that passed `age` ago, where the angle is not known: by it, and the speed by the time
- * since the one before. */
+/* A pulse `age` ago while the angle is unknown: it determines the angle, and the time since the
+ * previous pulse the speed. */
 static void acquire(const amb_angle_settings *set, amb_angle_state *s, amb_real age, amb_real R,
                     amb_real innovation)
 {
@@ -198,8 +197,8 @@ static void acquire(const amb_angle_settings *set, amb_angle_state *s, amb_real 
   predict(set, s, age);
 }
 
-/* Whether a pulse is of the mark after the last one by the prediction: where none is time and
- * again, the speed is wrong by whole marks between two pulses. */
+/* Whether a pulse belongs to the next mark according to the prediction. If repeatedly not, the
+ * speed is wrong by a multiple of the marks' distance between two pulses. */
 static bool follows(const amb_angle_settings *set, const amb_angle_state *s, amb_real age)
 {
   const amb_real marks = amb_magnitude(s->moved - (age * s->mean[1])) / distance_of(set);
@@ -207,7 +206,7 @@ static bool follows(const amb_angle_settings *set, const amb_angle_state *s, amb
          ((marks > AMB_C(0.5)) && (marks < AMB_C(1.5)));
 }
 
-/* An angle that is known but for whole distances, so long ago. */
+/* Update with an angle modulo the distance, measured `age` ago. */
 static unsigned int take_angle(const amb_angle_settings *set, amb_angle_state *s, amb_real angle,
                                amb_real age)
 {
@@ -263,8 +262,8 @@ static unsigned int take_speed(const amb_angle_settings *set, amb_angle_state *s
   return flags;
 }
 
-/* Pulses stay away for longer than by the prediction: the rotor is slower than a mark in that time,
- * or it stands. */
+/* Pulses are missing for longer than predicted: the rotor is slower than one mark in that time, or
+ * at standstill. */
 static bool stays_away(const amb_angle_settings *set, const amb_angle_state *s)
 {
   return (set->sensor == AMB_ANGLE_PULSES) &&
@@ -289,7 +288,7 @@ static unsigned int take(const amb_angle_settings *set, amb_angle_state *s, amb_
   return flags;
 }
 
-/* Whether all of it is numbers, and what a variance is not negative: a bit in memory may flip. */
+/* Whether all values are finite and the variances not negative: a bit in memory may flip. */
 static bool is_sound(const amb_angle_state *s)
 {
   bool sound = amb_is_finite(s->since) && amb_is_finite(s->moved);
@@ -319,7 +318,7 @@ unsigned int amb_angle_step(const amb_angle_settings *set, amb_angle_state *stat
     state->marked = false;
     flags |= AMB_ANGLE_RESTARTED;
   }
-  if (square(state->mean[1]) > (AMB_C(9.0) * state->cov[3])) { /* it surely turns this way */
+  if (square(state->mean[1]) > (AMB_C(9.0) * state->cov[3])) { /* the direction is significant */
     state->backwards = (set->reverses || (set->sensor != AMB_ANGLE_PULSES))
                            ? (state->mean[1] < AMB_C(0.0))
                            : set->backwards;
@@ -342,7 +341,7 @@ amb_real amb_angle_variance(const amb_angle_settings *set, const amb_angle_state
   return state->cov[0] + square(state->mean[1] * set->latency_error);
 }
 
-/* Variance of the speed that no reading shows. */
+/* Variance of the speed by latency and gain errors, which no reading shows. */
 static amb_real considered(const amb_angle_settings *set, const amb_angle_state *state)
 {
   return square(state->mean[2] * set->latency_error) + square(state->mean[1] * set->gain_error);
@@ -361,12 +360,12 @@ unsigned int amb_angle_follow(const amb_angle_settings *set, amb_angle_state *st
   const amb_real known = state->cov[3];
   const amb_real hidden = considered(set, state);
   const unsigned int flags = amb_angle_step(set, state, reading);
-  /* What turns with the rotor is followed by the speed and its error, whatever the angle is from a
-   * mark: it is lost where a turn is. */
+  /* Synchronous states follow the speed and its error, whatever the angle relative to a mark. They
+   * are lost if the angle is uncertain by a revolution. */
   const bool lost = (set->sensor != AMB_ANGLE_SPEED) && (state->cov[0] >= square(TURN));
   const bool afresh = state->waits && state->followed && !lost;
-  /* A reading leaves as much of the error as of its variance; what none shows grows with the speed.
-   */
+  /* A reading reduces the error as it reduces the variance; the part that no reading shows grows
+   * with the speed. */
   const amb_real left = amb_at_most(state->cov[3] / state->predicted, AMB_C(1.0));
   const amb_real both = (left * known) + amb_root(hidden * considered(set, state));
   const amb_real variance = amb_angle_speed_variance(set, state);
@@ -377,6 +376,6 @@ unsigned int amb_angle_follow(const amb_angle_settings *set, amb_angle_state *st
   rotation->afresh = afresh;
   rotation->now = ((flags & AMB_ANGLE_LOST) != 0U) ? AMB_C(0.0) : state->mean[1];
   state->waits = lost || (state->waits && !state->followed);
-  state->followed = true; /* of the first sample nothing is predicted */
+  state->followed = true; /* the first sample has no prediction */
   return flags;
 }
