@@ -47,6 +47,7 @@ from ambkit.identification.maximum_likelihood.search import (
     restore_clearance,
     tighten_clearance,
 )
+from ambkit.machine.magnets import own_time
 from benchmarks.identification import START, TRUTH, TRUTHS, closed_loops, judged
 
 SEEDS = 12
@@ -257,6 +258,25 @@ def test_a_zero_that_small_motion_does_not_tell_is_in_the_errors():
     for name, true in (("magnet_constant", b.magnet.magnet_constant), ("air_gap", 2e-3)):
         assert abs(np.log(found[name] / true)) < 3 * found.standard_error(name) / true
         assert found.standard_error(name) > 1.2 * known.standard_error(name)
+
+
+def test_a_ridge_of_zero_gap_and_constant_does_not_lead_beyond_the_stops():
+    """Without a prior of the zero the gap of this record was off by 15 standard errors."""
+    b, rng = Machine.preset("zittau_axial"), np.random.default_rng([903, 20])
+    rng.normal(size=2)
+    t = b.sampling_time * np.arange(5000)
+    hold = round(2 * own_time(b) / b.sampling_time)
+    jumps = 2e-4 * np.repeat(2.0 * rng.integers(0, 2, -(-t.size // hold)) - 1, hold)[: t.size]
+    walk = 0.1 * np.sqrt(b.sampling_time) * np.cumsum(rng.normal(size=t.size))
+    scenario = Scenario(
+        duration=t[-1], seed=903, reference=Recorded.of(t, jumps), disturbance=Recorded.of(t, walk)
+    )
+    start = LoopModel(b)
+    found = maximum_likelihood(
+        simulate(b, scenario).record, start, improve_start=False, profile=False
+    )
+    for name, true in (("air_gap", 2e-3), ("position_offset", 0.0)):
+        assert abs(found[name] - true) < 2.5 * found.standard_error(name)
 
 
 def test_noises_are_where_the_restricted_likelihood_is_greatest(records):

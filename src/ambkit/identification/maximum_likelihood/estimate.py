@@ -43,7 +43,6 @@ from ambkit.identification.maximum_likelihood.parameters import (
     identifiable,
     named,
     priors_of,
-    zero_prior,
 )
 from ambkit.identification.maximum_likelihood.result import CONFIDENCE, MaximumLikelihood
 from ambkit.identification.noise import position_step
@@ -165,14 +164,11 @@ class _Search:
             if worst is None:
                 return result, parameters, held
             parameter, why = worst
-            if prior := zero_prior(self.nominal.replace(known=begin.known), parameter.name):
-                begin = begin.replace(known={**begin.known, **prior})
-                continue
             parameters = [p for p in parameters if p is not parameter]
             from_start = begin if ALIKE in why or ascent.WALL in why else None
             begin, at = ascent.fix(
                 self.data, result, parameter, parameters, self.nominal, from_start,
-                self.initial.replace(known=begin.known),
+                self.initial,
             )  # fmt: skip
             held[parameter.name] = f"{why}; held at {at}"
             if not parameters:

@@ -111,31 +111,24 @@ def usual(model: LoopModel) -> tuple[str, ...]:
 OFFSET_SHARE = 0.05
 """Default uncertainty of the zero of a measured current, over the bias current."""
 
+ZERO_SHARE = 0.1
+"""Default uncertainty of a position sensor's zero, set between the stops, over the clearance."""
+
 
 def priors_of(model: LoopModel) -> dict[str, tuple[float, float]]:
     """Return the priors of parameters: value and standard deviation [SI]."""
     # Some may not be determined by a record. An unknown disturbance replaces the balance of magnet
     # force and weight, and with it the current's offset: two stiffnesses remain for magnet
-    # constant, gap and offset, and the gap changes by metres per ampere. And at one position the
-    # dependence of the noise on the position is invisible. If either were taken as known, the
-    # errors of all others would be too small.
+    # constant, gap and offset, and the gap changes by metres per ampere. The zero of the position
+    # enters only by the curvature of the law, on a ridge with gap and constant that leads beyond
+    # the stops. And at one position the dependence of the noise on the position is invisible. If
+    # one of them were taken as known, the errors of all others would be too small.
     b = model.isolated
     return {
+        "position_offset": (model.position_offset, ZERO_SHARE * b.clearance),
         "current_offset": (model.current_offset, OFFSET_SHARE * b.magnet.bias_current),
         "position_noise": (b.sensor.position_noise, 1 / b.clearance),
     } | dict(model.known)
-
-
-ZERO_SHARE = 0.1
-"""Default uncertainty of a position sensor's zero, set between the stops, over the clearance."""
-
-
-def zero_prior(model: LoopModel, name: str) -> dict[str, tuple[float, float]]:
-    """Return the prior of a zero that records do not determine; empty for other parameters."""
-    # Held, as if it were known, it would make the errors of all others too small.
-    if name != "position_offset" or name in model.known:
-        return {}
-    return {name: (model.position_offset, ZERO_SHARE * model.isolated.clearance)}
 
 
 def log_prior(model: LoopModel) -> float:

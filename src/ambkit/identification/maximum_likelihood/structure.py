@@ -118,11 +118,15 @@ def examine(result: MaximumLikelihood, records: Sequence[Record]) -> Structure:
     if not records:
         return Structure()
     model = result.model.replace(rotor__clearance=start.isolated.clearance)  # as in the search
-    remarks = list(implausible(result.model))
+    data = Data(records, settling)
+    if "position_offset" in model.known:
+        # Without the prior a wrong force law drives the zero beyond the stops, which tells it.
+        free = {name: prior for name, prior in model.known.items() if name != "position_offset"}
+        model = maximise(data, model.replace(known=free), list(result.parameters)).model
+    remarks = list(implausible(model.replace(rotor__clearance=result.isolated.clearance)))
     noise = math.sqrt(model.isolated.sensor.noise_variance)
     if max(float(np.std(Motion.of(model, record).x)) for record in records) < noise:
         return Structure(remarks=remarks)
-    data = Data(records, settling)
     refits = Refits(data, start, model, result.parameters)
     centred = refits.centred()
     if centred is not None and refits.gain_of_offsets(centred) <= 0:
