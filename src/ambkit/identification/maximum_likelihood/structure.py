@@ -122,7 +122,9 @@ def examine(result: MaximumLikelihood, records: Sequence[Record]) -> Structure:
     if "position_offset" in model.known:
         # Without the prior a wrong force law drives the zero beyond the stops, which tells it.
         free = {name: prior for name, prior in model.known.items() if name != "position_offset"}
-        model = maximise(data, model.replace(known=free), list(result.parameters)).model
+        begins = [one.replace(known=free) for one in (start, model)]
+        freed = [maximise(data, begin, list(result.parameters)) for begin in begins]
+        model = max(freed, key=lambda one: one.value).model
     remarks = list(implausible(model.replace(rotor__clearance=result.isolated.clearance)))
     noise = math.sqrt(model.isolated.sensor.noise_variance)
     if max(float(np.std(Motion.of(model, record).x)) for record in records) < noise:
