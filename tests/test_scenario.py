@@ -306,3 +306,15 @@ def test_half_sine_is_half_a_period():
     assert value.max() == pytest.approx(3.0, rel=1e-6)
     assert not value[(t < 0.01) | (t > 0.03)].any()
     assert np.trapezoid(value, t) == pytest.approx(3.0 * 0.02 * 2 / np.pi, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"on": 0.2}, "on: needs off"), ({"off": 0.3, "on": 0.2}, "on: must be after off, 0.3 s"),
+        ({"off": 0.3, "plant": "mine.py:Plant"}, "off: acts on the machine's own plant"),
+    ],
+)  # fmt: skip
+def test_a_power_failure_that_contradicts_the_rest_is_refused(keys, message):
+    with pytest.raises(ConfigError, match=message):
+        Scenario(**keys)

@@ -168,6 +168,8 @@ class Scenario(Described, Document):
             yield "on", "needs off, the time of the power failure"
         elif on is not None and on <= off:
             yield "on", f"must be after off, {off:g} s; is {on:g} s"
+        if off is not None and read("plant") is not None:
+            yield "off", "acts on the machine's own plant; omit it or plant"
 
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
