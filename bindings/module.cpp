@@ -5,6 +5,7 @@
 NB_MODULE(AMBKIT_MODULE_NAME, m)
 {
   m.doc() = "The C core of ambkit.";
+  nb::set_leak_warnings(false); // caches of Python hold estimators until the process ends
   bind_magnets(m);
   bind_model(m);
   bind_sampling(m);

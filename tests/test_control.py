@@ -251,7 +251,7 @@ def test_planted_faults_are_seen(fault, folders, tmp_path):
 
 @pytest.fixture(scope="module")
 def benches(folders):
-    of = {name: mutants.Comparison(folders[name].folder, "rig") for name in PIDS}
+    of = {name: mutants.Bench(folders[name].folder, "rig") for name in PIDS}
     yield of
     for bench in of.values():
         bench.close()

@@ -74,7 +74,7 @@ def test_where_the_compiler_contracts_it_passes_within_its_bound(exported, tmp_p
 @pytest.mark.parametrize(
     ("file", "pattern", "changed"),
     [
-        ("selftest/{}_vectors.c", r"_told\[.*\{\s+\{[^,]*", "an expected state"),
+        ("selftest/{}_vectors.c", r"_expected\[.*\{\s+\{[^,]*", "an expected state"),
         ("selftest/{}_vectors.c", r"_y\[.*\{\s+(?:[^,]*,){50}[^,]*", "a measurement"),
         ("selftest/{}_vectors.c", r"_u\[.*\{\s+(?:[^,]*,){50}[^,]*", "a control signal"),
         ("selftest/{}_vectors.c", r"_status\[.*\{\s+[^,U]*", "a status"),

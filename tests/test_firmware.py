@@ -85,7 +85,7 @@ def test_a_wrong_expectation_in_the_self_test_is_found(case, tmp_path):
     vectors = case.export / "selftest" / "filter_vectors.c"
     text = vectors.read_text()
     head, array, values = text.partition(
-        "_told[FILTER_SELFTEST_STEPS][FILTER_SELFTEST_COLUMNS] = {\n  {"
+        "_expected[FILTER_SELFTEST_STEPS][FILTER_SELFTEST_COLUMNS] = {\n  {"
     )
     first, comma, rest = values.partition(",")
     try:

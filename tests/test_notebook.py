@@ -99,7 +99,7 @@ def picture(html):
 
 
 @pytest.mark.pictures
-@pytest.mark.parametrize("name", quick(NAMES, ("Record", "Expert", "Comparison")))
+@pytest.mark.parametrize("name", quick(NAMES, ("Record", "Expert", "ComparisonSet")))
 def test_pictures_of_a_notebook_are_light(shown, name):
     assert 1_000 < len(picture(shown[name]._repr_html_())) < 150_000
 

@@ -102,7 +102,7 @@ def test_planted_faults_are_seen(exported, tmp_path, fault, flags):
 @pytest.fixture(scope="module", params=["linear", "tabulated"])
 def bench(request, exported):
     made = exported(request.param)
-    one = mutants.Comparison(made.folder, made.name)
+    one = mutants.Bench(made.folder, made.name)
     yield one
     one.close()
 
@@ -156,7 +156,7 @@ def tangent(tmp_path_factory):
     to = tmp_path_factory.mktemp("tangent") / "c"
     expert = magnet_of("adaptive")
     made = export_c(BEARING, expert, to, kind="extended", expert_form="tabulated", prefix="f")
-    one = mutants.Comparison(made.folder, "f")
+    one = mutants.Bench(made.folder, "f")
     yield one
     one.close()
 

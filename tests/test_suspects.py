@@ -207,9 +207,13 @@ def test_no_healthy_log_holds_a_running_mean(preset):
     assert means.count(3) >= 0.9 * len(means)
 
 
-def test_what_no_bearing_explains_is_told_as_that():
+def test_a_record_at_rest_on_a_stop_identifies_nothing_and_says_so():
     rng = np.random.default_rng(0)
     y = -1e-3 + 9e-6 * rng.normal(size=1000)
-    lies = Record(RUN.t[:1000], {"y": y, "u": np.full(1000, 0.3)}, {"y": "m", "u": "V"})
-    with pytest.raises(ambkit.AmbkitError, match="parameters are not physical"):
-        ambkit.identify(BEARING, lies)
+    rest = Record(RUN.t[:1000], {"y": y, "u": np.full(1000, 0.3)}, {"y": "m", "u": "V"})
+    found = ambkit.identify(BEARING, rest)
+    notes = " ".join(found.notes)
+    assert "magnet constant is not identifiable" in notes
+    assert "air gap is not identifiable" in notes
+    assert "offset of -0.75 mm is implausible" in notes
+    assert not any(check.good for check in found.validation)
