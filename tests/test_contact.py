@@ -397,3 +397,9 @@ def test_exported_c_has_its_bits_along_touchdowns(precision, tmp_path):
     ours = np.column_stack([estimate[name] for name in ("x", "v", "f_d")])
     assert (np.array(means)[1:] == ours[1:].astype(dtype)).all()
     assert (np.array(status)[1:] == np.asarray(estimate.status)[1:]).all()
+
+
+def test_contact_after_a_power_failure_does_not_accuse_the_controller():
+    notes = ambkit.simulate("zittau_axial", Scenario(duration=0.2, off=0.05)).notes
+    (note,) = (text for text in notes if "touched the stop" in text)
+    assert note.endswith(" after the power failure.")

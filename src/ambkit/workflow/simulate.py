@@ -226,22 +226,31 @@ def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator
         if filter is not None:
             yield from unbalance_notes(machine, run.record, filter, run.estimate)
     if touched and scenario.start == "levitated":
-        yield _of_the_stop(run)
-        if machine.speed:
+        failed = scenario.off is not None and _touched_at(run) >= scenario.off
+        yield _of_the_stop(run, failed)
+        if machine.speed or failed:
             return
         if not holding(machine, scenario.feedback or "estimate").held:
             yield "No PID in the search stabilises it; see ambkit check."
 
 
-def _of_the_stop(run: Run) -> str:
-    """Return the times of contact, and advice."""
-    clearance = min(axis.clearance for axis in isolated_axes(run.machine))
+def _touched_at(run: Run) -> float:
+    """Return the time of the first contact [s]; infinity without one."""
     at, t = run.first_contact, run.record.t  # contact is recorded at the end of the sample
-    first = "" if at is None else f", first at {figure(t[min(at + 1, len(t) - 1)], 's')}"
+    return math.inf if at is None else float(t[min(at + 1, len(t) - 1)])
+
+
+def _of_the_stop(run: Run, failed: bool) -> str:
+    """Return the times of contact, and advice unless the power failed before."""
+    clearance, at = min(axis.clearance for axis in isolated_axes(run.machine)), _touched_at(run)
+    first = "" if math.isinf(at) else f", first at {figure(at, 's')}"
+    advice = " after the power failure." if failed else (
+        ": check the controller ([controller] in the scenario), or reduce the step or the "
+        "disturbance force."
+    )  # fmt: skip
     return (
         f"The rotor touched the stop at {figure(clearance, 'm')} in {run.samples_at_the_stop} of "
-        f"{len(run.record)} samples{first}: check the controller ([controller] in the "
-        "scenario), or reduce the step or the disturbance force."
+        f"{len(run.record)} samples{first}{advice}"
     )
 
 
