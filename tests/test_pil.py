@@ -43,12 +43,14 @@ def test_what_is_missing_is_said_with_what_to_install(tool, monkeypatch, call):
     [
         (["tum_mlps", "--filter", "steady-state"], "takes one axis"),
         (["tum_mlps", "--scenario", "axis.toml"], "feed_forward: is made of the estimate"),
+        (["zittau_axial", "--scenario", "drop.toml"], "off: the exported controller has no input"),
         (["zittau_axial", "--board", "arduino"], "must be one of stm32f4, amdc, c2000"),
         (["zittau_axial", "--board", "c2000"], "TI's C2000 code generation tools"),
     ],
 )
 def test_what_cannot_be_flown_is_said(words, said, call, tmp_path):
     (tmp_path / "axis.toml").write_text(SCENARIO.fed("measurement").to_toml())
+    (tmp_path / "drop.toml").write_text('off = "0.1 s"')
     if "c2000" in words and shutil.which("cl2000"):
         pytest.skip("there is a compiler for it")
     told = call("pil", *words)

@@ -158,6 +158,8 @@ def pil(
     plant, several = machine, not machine.single
     base_scenario = scenario or Scenario(duration=1.0)
     of_type(Scenario, scenario=base_scenario)
+    if base_scenario.off is not None:
+        raise AmbkitError("off: the exported controller has no input for a power failure; omit it")
     sequence = base_scenario.sequence or LiftOff()
     lift_scenario = base_scenario.model_copy(update={"start": "landed", "sequence": sequence})
     with tempfile.TemporaryDirectory() as place:
