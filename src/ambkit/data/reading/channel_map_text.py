@@ -192,7 +192,7 @@ class _Map:
             same = y if y is not None and role in ("r", "x_logged") else candidate
             unit, comment = same.unit or _likely_unit(same), "  # guessed from its size"
             if same is y and weight is not None:
-                unit, comment = weight.unit, "  # told by gravity"
+                unit, comment = weight.unit, "  # by the weight of the rotor"
         yield f"unit = {toml_string(unit)}{comment}"
         of_current = role == "u" and si_unit(unit) == "A"
         if of_current:
