@@ -316,14 +316,14 @@ def test_a_machines_filter_is_tuned_over_its_tolerances(tmp_path):
     study = Study.from_toml(text)
     found = ambkit.tune_robust(study, budget=2)
     assert {each.name for each in found.free} == {"noise.control", "noise.disturbance"}
-    assert found.tried[found.taken].error <= found.tried[0].error
+    assert found.candidates[found.taken].error <= found.candidates[0].error
     found.save(tmp_path / "f.toml")
     assert not (tmp_path / "f.scenario.toml").exists()
     again = ambkit.tune_robust(study, budget=1)  # untuned, beside the tuned one
     tuned = study.model_copy(update={"estimator": str(tmp_path / "f.toml")})
     rows = compute(Plan(tuned), 0, 3).runs.column("f_d_rms").to_numpy()
-    assert max(rows) == pytest.approx(found.tried[found.taken].error)
-    assert again.tried[0].error == found.tried[0].error
+    assert max(rows) == pytest.approx(found.candidates[found.taken].error)
+    assert again.candidates[0].error == found.candidates[0].error
     with pytest.raises(AmbkitError, match=r"controller\.kp is of a bearing"):
         ambkit.tune_robust(study, free=["controller.kp"])
 

@@ -169,11 +169,13 @@ def test_tuned_over_the_machines_it_is_gone_on_with_and_written(tmp_path):
     study = Study.from_toml(STUDY)
     kept = tmp_path / "search.log"
     first = ambkit.tune_robust(study, budget=3, storage=kept, max_sensitivity=4.0)
-    assert len(first.tried) == 3
+    assert len(first.candidates) == 3
     found = ambkit.tune_robust(study, budget=6, storage=kept, max_sensitivity=4.0)
-    assert [each.error for each in found.tried[:3]] == [each.error for each in first.tried]
-    assert len(found.tried) == 6
-    before, after = found.tried[0], found.tried[found.taken]
+    assert [each.error for each in found.candidates[:3]] == [
+        each.error for each in first.candidates
+    ]
+    assert len(found.candidates) == 6
+    before, after = found.candidates[0], found.candidates[found.taken]
     assert before.values["controller.kp"] == found.plan.scenario.controller.kp
     assert after.allowed
     assert after.error <= before.error
@@ -201,9 +203,9 @@ def test_the_kind_of_filter_is_chosen_too_and_judged_on_other_machines(tmp_path)
     pytest.importorskip("optuna")
     study = Study.from_toml(STUDY).model_copy(update={"estimator": "constant-velocity", "runs": 8})
     found = ambkit.tune_robust(study, filter=["linear"], budget=5, max_sensitivity=4.0)
-    assert [one.kind for one in found.tried[:2]] == ["constant-velocity", "linear"]
-    allowed = [one for one in found.tried if one.allowed]
-    assert found.tried[found.taken] == min(allowed, key=lambda one: one.error)
+    assert [one.kind for one in found.candidates[:2]] == ["constant-velocity", "linear"]
+    allowed = [one for one in found.candidates if one.allowed]
+    assert found.candidates[found.taken] == min(allowed, key=lambda one: one.error)
     assert found.kind == "linear"
     assert [one.kind for one in found.validation] == ["constant-velocity", "linear"]
     assert "untuned (constant-velocity)" in found.finding
@@ -219,11 +221,11 @@ def test_the_size_of_the_expert_is_searched_and_is_that_of_the_filter(tmp_path, 
     monkeypatch.setattr(robust_task, "SIZES", (3, 5))
     study = Study.from_toml(STUDY).model_copy(update={"estimator": "adaptive", "runs": 4})
     found = ambkit.tune_robust(study, free=["expert.rules"], budget=4, max_sensitivity=4.0)
-    tried = {each.values["expert.rules"]: each.error for each in found.tried}
+    tried = {each.values["expert.rules"]: each.error for each in found.candidates}
     assert set(tried) == {3.0, 5.0}
     assert len(set(tried.values())) == len(tried)  # another size is another filter
-    rules = int(found.tried[found.taken].values["expert.rules"])
-    assert found.tried[found.taken].error == min(tried.values())
+    rules = int(found.candidates[found.taken].values["expert.rules"])
+    assert found.candidates[found.taken].error == min(tried.values())
     assert found.estimator.magnet.weights.shape[1] == rules**2
     found.save(tmp_path / "filter.toml")
     again = ambkit.FilterFile.load(tmp_path / "filter.toml").make()

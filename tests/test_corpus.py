@@ -55,7 +55,7 @@ def corpus():
 
 def test_a_magnet_that_is_not_as_described_is_told_beside_the_amplitude(corpus):
     told = corpus.strength_loss
-    assert list(told.flights) == list(corpus.found)
+    assert list(told.flights) == list(corpus.by_log)
     assert abs(np.log(told.factor / 0.8)) < 3 * told.factor_error
     assert told.factor_error < 0.1
     assert abs(told.slope) < 3 * told.slope_error  # there is no hysteresis
@@ -65,7 +65,7 @@ def test_a_magnet_that_is_not_as_described_is_told_beside_the_amplitude(corpus):
 
 
 def test_logs_say_what_is_true_and_a_smoothed_one_is_named(corpus):
-    assert list(corpus.found) == ["log 0", "log 1", "log 2"]
+    assert list(corpus.by_log) == ["log 0", "log 1", "log 2"]
     assert "smoothed before it was logged" in corpus.left_out["quiet"]
     for name, true in (
         ("magnet_constant", BALL.magnet.magnet_constant), ("air_gap", BALL.magnet.air_gap),
@@ -95,8 +95,8 @@ def test_each_is_foretold_by_the_others(corpus):
         told = data["parameters"][one.name.replace("_", " ")]
         assert told["value"] == pooled.values[k]
         assert told["scatter_between_logs"] == pooled.scatter[k]
-        assert [data["alone"][log][one.name] for log in corpus.found] == [
-            None if np.isnan(value) else value for value in pooled.each[:, k]
+        assert [data["alone"][log][one.name] for log in corpus.by_log] == [
+            None if np.isnan(value) else value for value in pooled.by_log[:, k]
         ]
 
 

@@ -53,7 +53,7 @@ def flywheel(rpm, ratio=1.43, T=50e-6, delay=60e-6, mass=12.0, radius=0.0645):
 def worst(machine, control, estimated, speeds=3):
     """The peak of |S| of a control from rest to the machine's speed, as it is assessed."""
     of = LoopBuilder(machine, control)
-    flown = of.flown_by(KalmanFilter(machine) if estimated else None)
+    flown = of.controllers_with(KalmanFilter(machine) if estimated else None)
     peaks = []
     for speed in np.linspace(0, machine.speed, speeds):
         there = machine.model_copy(update={"speed": float(speed)})
@@ -174,7 +174,10 @@ def test_every_way_to_fly_takes_the_same_choice():
         assert flight.controller == found.fed_by(feedback)
     assert settled_scenario(FAST, Scenario()).feedback == "estimate"
     assert ambkit.assess(FAST, "none").loops["measurement"].peak < ENOUGH
-    assert LoopBuilder(FAST).flown_by(None).pids == LoopBuilder(FAST, found).flown_by(None).pids
+    assert (
+        LoopBuilder(FAST).controllers_with(None).pids
+        == LoopBuilder(FAST, found).controllers_with(None).pids
+    )
 
 
 def random_rotor(rng):

@@ -21,7 +21,7 @@ from ambkit.estimate.registry import KINDS
 from ambkit.export import fmu
 from ambkit.machine.magnets import magnet_of
 from ambkit.machine.stiffness import stiffness_map
-from ambkit.simulation.recording import drawn
+from ambkit.simulation.recording import noise_samples
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Disturbance, Reference, settled_scenario
 
@@ -167,8 +167,8 @@ def inputs_of(path, kind, scenario, run):
     known = {name: record[name] for name in record.signals}
     if kind in (PLANT, LOOP):
         for what, of, noise in zip(
-            ("noise_u", "noise_y"), (machine.axes, machine.readings), drawn(machine, scenario, n),
-            strict=True,
+            ("noise_u", "noise_y"), (machine.axes, machine.readings),
+            noise_samples(machine, scenario, n), strict=True,
         ):  # fmt: skip
             for k, at in enumerate(of):
                 ours = noise[:, k] if kind == LOOP or what == "noise_u" else np.zeros(n)

@@ -149,7 +149,7 @@ def off_near_the_whirl(machine, kept):
     own, many = with_modes(machine, kept), with_modes(machine, 10)
     kalman = KalmanFilter(own)
     of = LoopBuilder(own, Control(type="lqg"))
-    flown, f = of.flown_by(kalman), np.linspace(700.0, 900.0, 201)
+    flown, f = of.controllers_with(kalman), np.linspace(700.0, 900.0, 201)
     peaks = []
     for plant in (own, many):
         loop = LoopBuilder(plant, of.control, point=of.point, law=flown).loop(kalman)

@@ -288,7 +288,7 @@ def test_a_quantised_measurement_is_off_by_half_a_step_at_most(precision):
     bearing = BEARING.replace(sensor__quantisation=step)
     kalman = ambkit.KalmanFilter(bearing, precision=precision)
     record = ambkit.simulate(bearing, ambkit.Scenario(duration=0.2), filter=kalman).record
-    noise = plant_noise.drawn(bearing, ambkit.Scenario(duration=0.2), len(record))[1][:, 0]
+    noise = plant_noise.noise_samples(bearing, ambkit.Scenario(duration=0.2), len(record))[1][:, 0]
     error = record["y"] - record["x_m"] - noise
     eps = np.finfo(precision).eps
     assert np.abs(error).max() <= step / 2 + 100 * eps * 1e-3
@@ -313,16 +313,16 @@ def test_the_white_noise_is_what_it_was_whatever_stands_beside_it():
         Stream(7, 3, number).normal(np.sqrt(variance), n)
         for number, variance in enumerate((8e-5, 8.3e-11))
     )
-    noise_u, noise_y = (noise[:, 0] for noise in plant_noise.drawn(BEARING, scenario, n))
+    noise_u, noise_y = (noise[:, 0] for noise in plant_noise.noise_samples(BEARING, scenario, n))
     assert (noise_u == white_u).all()
     assert (noise_y == white_y).all()
     noisy = BEARING.replace(**{k: ALL[k] for k in ("sensor__hum", "sensor__coloured_noise")})
     only_hum = BEARING.replace(sensor__hum=ALL["sensor__hum"])
-    also_u, both_y = (noise[:, 0] for noise in plant_noise.drawn(noisy, scenario, n))
+    also_u, both_y = (noise[:, 0] for noise in plant_noise.noise_samples(noisy, scenario, n))
     assert (also_u == white_u).all()
-    hum = plant_noise.drawn(only_hum, scenario, n)[1][:, 0] - white_y
+    hum = plant_noise.noise_samples(only_hum, scenario, n)[1][:, 0] - white_y
     assert np.ptp(both_y - white_y - hum) > 1e-6
-    silent = plant_noise.drawn(noisy, scenario.replace(noise=False), n)
+    silent = plant_noise.noise_samples(noisy, scenario.replace(noise=False), n)
     assert not np.any(silent)
 
 

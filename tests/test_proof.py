@@ -46,7 +46,7 @@ def test_the_readme_says_what_was_recorded_and_no_more(exported, kind):
     assert STORED["tool"] in text
     assert f"| finite inputs | {recorded['finite']} | |" in text
     assert f"| any inputs | {recorded['any']} | {recorded['open']} |" in text
-    assert "That was a whole proof." in text
+    assert "That proof is complete." in text
     assert "was not analysed" not in text
 
 
@@ -111,7 +111,7 @@ def test_script_and_harness_parse(what, tmp_path):
 def test_a_script_that_was_not_run_is_called_no_proof(what, tmp_path):
     folder = export_proved(what, tmp_path / "c").folder
     text = (folder / "proof" / "README.md").read_text(encoding="utf-8")
-    assert text.startswith("# Script for an analysis of f, which nothing is proved of yet\n")
+    assert text.startswith("# Script for the analysis of f, for which no proof is recorded\n")
     assert "# Proof" not in text
 
 
@@ -120,12 +120,12 @@ def test_of_what_is_not_proved_nothing_is_said(tmp_path):
     assert not [file for file in made.files if file.startswith("proof/")]
     readme = (made.folder / "README.md").read_text(encoding="utf-8")
     assert "proof" not in readme
-    assert "- It is not proved that no input leads to undefined" in readme
+    assert "- Not proved: that no input leads to" in readme
 
 
 def test_the_readme_of_a_controller_says_that_it_is_proved(tmp_path):
     readme = (export_proved("LQG", tmp_path / "c").folder / "README.md").read_text(encoding="utf-8")
-    assert "- Proved with the numbers of ambkit's own rig: no input" in readme
+    assert "- Proved for the constants of ambkit's test bearing: no input" in readme
     assert "not proved" not in readme
 
 

@@ -108,7 +108,7 @@ def loop_arguments(
     return LoopArguments(plant, filters, control, in_si("position", position, "m"), forces)
 
 
-class TuningGiven(NamedTuple):
+class TuningArguments(NamedTuple):
     """What is tuned, and by what, as a caller named it."""
 
     machine: Machine
@@ -131,15 +131,15 @@ class TuningGiven(NamedTuple):
         return record_arguments(records, self.machine, self.channels)
 
 
-def tuning_given(
+def tuning_arguments(
     machine: Any, records: Any, filter: Any, controller: Any, channels: Any
-) -> TuningGiven:
+) -> TuningArguments:
     """Return machine, records and kind of filter; ``KIND@FILE`` names what its magnet asks."""
     plant = machine_argument(machine)
     kind, _, file = filter.partition(AT) if isinstance(filter, str) else (filter, "", "")
     get_kind(kind)
     named = names_in(Record, records=records)
-    return TuningGiven(
+    return TuningArguments(
         plant,
         record_arguments(named, plant, channels),
         kind,
@@ -247,7 +247,7 @@ def controller_argument(machine: Machine, value: Any) -> tuple[PID | None, dict[
     return control, forces, feedback_of(scenario) == "measurement"
 
 
-def given_orbit(orbit: Any) -> Any:
+def orbit_argument(orbit: Any) -> Any:
     """Return whether a loop is linearised along its orbit, or of which half axis that is [m]."""
     if orbit in (None, "own"):
         return orbit is not None
@@ -319,7 +319,7 @@ def _factory(filter: Any, machine: Machine, choice: Sequence[str]) -> FromKind |
     path = Path(text.rpartition(AT)[2])
     if path.suffix == FILTER_SUFFIX:
         file = _exportable(filter_file_for(text, machine), path, choice)
-        return FromFile(file, file.asked())
+        return FromFile(file, file.magnet_model())
     if not (path.suffix or path.exists() or os.sep in text):
         near = difflib.get_close_matches(text, choice, 1)
         hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(choice)}"
@@ -334,23 +334,23 @@ def _exportable(file: FilterFile, name: Any, choice: Sequence[str]) -> FilterFil
     return file
 
 
-def scenario_argument(given: Any) -> Scenario | None:
+def scenario_argument(value: Any) -> Scenario | None:
     """Return the scenario that is given or in a file."""
-    return Scenario.load(given) if isinstance(given, str | os.PathLike) else given
+    return Scenario.load(value) if isinstance(value, str | os.PathLike) else value
 
 
-def given_band(given: Any) -> tuple[float, float] | None:
+def band_argument(value: Any) -> tuple[float, float] | None:
     """Return the ends of a band of frequencies [Hz]."""
-    if given is None:
+    if value is None:
         return None
-    low, high = pair_argument("band", given, 'frequencies such as "5 Hz,100 Hz"')
+    low, high = pair_argument("band", value, 'frequencies such as "5 Hz,100 Hz"')
     return in_si("band", low, "Hz"), in_si("band", high, "Hz")
 
 
-def given_limits(given: Sequence[str]) -> tuple[float | None, float | None]:
+def limit_arguments(value: Sequence[str]) -> tuple[float | None, float | None]:
     """Return limits of current [A] and displacement [m], each told by its unit."""
     results: dict[str, float] = {}
-    for text in names_in(limit=given):
+    for text in names_in(limit=value):
         for unit in ("A", "m"):
             with suppress(AmbkitError):
                 results[unit] = in_si("limit", text, unit)

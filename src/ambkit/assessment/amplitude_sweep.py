@@ -14,7 +14,7 @@ from ambkit.assessment.loop import AssessedAxis, AssessedLoop
 from ambkit.assessment.sweep_figures import sweep_figure
 from ambkit.base.arrays import Array, Complex
 from ambkit.base.errors import AmbkitError
-from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.base.quantity_arguments import QuantityLike, in_si
 from ambkit.base.threads import one_thread
 from ambkit.base.units import engineering, percent
 from ambkit.control.control import as_control
@@ -152,10 +152,10 @@ class Sweep(Result):
 def sweep(
     arguments: LoopArguments,
     *,
-    amplitudes: Sequence[Given] | None = None,
+    amplitudes: Sequence[QuantityLike] | None = None,
     kind: Kind = "multisine",
     axis: str | None = None,
-    orbit: Given | bool = False,
+    orbit: QuantityLike | bool = False,
 ) -> Sweep:
     """Sweep the simulated loop with a signal added at its measurement."""
     if kind not in get_args(Kind):
@@ -305,7 +305,7 @@ class _Rig:
         signal = sparse_multisine(size, self.T, band, per_decade=PER_DECADE["multisine"])
         line = np.round(signal.frequencies * size * self.T).astype(int)
         S, limited = self.look(amplitude * signal.values, line)
-        separate = _alone(line, round(size * turn))
+        separate = _separate_lines(line, round(size * turn))
         return self.swept(amplitude, signal.frequencies[separate], [(S[separate], limited)])
 
     def stepped(self, amplitude: float) -> Swept:
@@ -326,7 +326,7 @@ class _Rig:
         return periods / (sample_count * self.T), self.look(sine, np.array([periods]))
 
 
-def _alone(line: NDArray[np.int_], turns: int) -> NDArray[np.bool_]:
+def _separate_lines(line: NDArray[np.int_], turns: int) -> NDArray[np.bool_]:
     """Return which lines of a spectrum rotation does not mix with others."""
     # Along an orbit the magnets' stiffness varies at the speed and twice the speed, and shifts
     # components by these frequencies.

@@ -10,7 +10,7 @@ from ambkit.assessment.assessment import HINF, LQG, Assessment
 from ambkit.assessment.loop import AssessedLoop, assessed
 from ambkit.base.arrays import Complex
 from ambkit.base.errors import AmbkitError
-from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.base.quantity_arguments import QuantityLike, in_si
 from ambkit.base.threads import one_thread
 from ambkit.base.units import engineering
 from ambkit.control.linear.closed_loop import Loop
@@ -138,7 +138,11 @@ MEASUREMENT = "measurement"  #: Name of the loop with the measurement as feedbac
 
 @one_thread()
 def assess(
-    loop: LoopArguments, *, lqg: bool = False, hinf: bool = False, orbit: Given | bool = False
+    loop: LoopArguments,
+    *,
+    lqg: bool = False,
+    hinf: bool = False,
+    orbit: QuantityLike | bool = False,
 ) -> Assessment:
     """Assess a loop as in ISO 14839-3: opened at the measurement, including the filter."""
     of = LoopBuilder(loop.machine, loop.controller, loop.position, loop.disturbance)

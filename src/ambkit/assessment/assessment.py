@@ -296,7 +296,7 @@ class Assessment(Result):
             title = f"{self.machine.name}: sensitivity of each axis, controllers fed by {name}"
         return assessment_figure(
             title, curves, zones=ZONES, top=self.top, static=self.of.static_compliance(feeding),
-            gain=self.of.isolated[0].amplifier.gain, whole=full_loop,
+            gain=self.of.isolated[0].amplifier.gain, full_loop=full_loop,
             left_out=[item for item, one in self.loops.items() if not one.stable],
         )  # fmt: skip
 

@@ -41,7 +41,7 @@ def assessment_figure(
     top: float,
     static: float | None,
     gain: float,
-    whole: Loop | None = None,
+    full_loop: Loop | None = None,
     left_out: Sequence[str] = (),
 ) -> Figure:
     """Plot stable loops of one axis, or the axes of one loop."""
@@ -87,7 +87,7 @@ def assessment_figure(
             Panel(frequency, yields, compliance, title="Compliance"),
             Panel(frequency, withstands, stiffness, title="Dynamic stiffness"),
             Panel(frequency, passes, noise, title="Noise to current"),
-            *([] if whole is None else _of_whole(whole, frequency, zones, top)),
+            *([] if full_loop is None else _full_loop_panels(full_loop, frequency, zones, top)),
         ],
         columns=2,
         panel_height=2.6,
@@ -171,7 +171,7 @@ def _noise(loop: Loop, axis: int, f: Vector) -> Vector:
     return np.abs((result if loop.added is None else result @ loop.added)[:, axis, axis])
 
 
-def _of_whole(
+def _full_loop_panels(
     loop: Loop, frequency: Axis, zones: Sequence[tuple[str, float]], top: float
 ) -> list[Panel]:
     """Plot singular values of S, and the determinant of 1 + L around 0."""

@@ -12,7 +12,7 @@ from ambkit.assessment.assess_log import of_one_axis
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
-from ambkit.base.quantity_arguments import Given, in_si, of_type
+from ambkit.base.quantity_arguments import QuantityLike, in_si, of_type
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.data.signals import displacement as displacement_of
@@ -162,8 +162,8 @@ def design_injection(
     filter: Any = None,
     *,
     axis: str | None = None,
-    current: Given | None = None,
-    displacement: Given | None = None,
+    current: QuantityLike | None = None,
+    displacement: QuantityLike | None = None,
     band: tuple[float, float] | None = None,
 ) -> Injection:
     """Design a signal that measures the sensitivity, within limits on current and displacement."""

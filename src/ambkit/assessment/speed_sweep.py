@@ -15,7 +15,7 @@ from ambkit.assessment.sweep_figures import over_speed_figure, run_up_figure
 from ambkit.base import units
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
-from ambkit.base.quantity_arguments import Given
+from ambkit.base.quantity_arguments import QuantityLike
 from ambkit.base.threads import one_thread
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.estimate.estimator import Estimator
@@ -197,7 +197,7 @@ class OverSpeed(Result):
 def assess_over_speed(
     arguments: LoopArguments,
     *,
-    fastest: Given | None = None,
+    fastest: QuantityLike | None = None,
     count: int = COUNT,
     orbit: bool = False,
     apart: Sequence[Separation] | None = None,
@@ -280,9 +280,9 @@ class _Run:
         sizes = np.linalg.norm(S, 2, axis=(1, 2))
         largest = highest(loop.largest_sensitivity, f, sizes)[0]
         responses = of.turned(loop)
-        return np.array(peaks), largest, poles, *self.asked(of, loop, responses)
+        return np.array(peaks), largest, poles, *self._loads(of, loop, responses)
 
-    def asked(
+    def _loads(
         self, of: LoopBuilder, loop: Loop, responses: list[capacity.Turned]
     ) -> tuple[Array, Array, Array | None, Array | None]:
         """Return displacement [m], current [A], voltage [1] and temperature [K] of each axis."""

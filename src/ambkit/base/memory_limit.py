@@ -28,12 +28,12 @@ def limit() -> float:
     return size
 
 
-def check(path: str | os.PathLike[str], size: float, hint: str = "", *, whole: bool = True) -> None:
+def check(path: str | os.PathLike[str], size: float, hint: str = "", *, exact: bool = True) -> None:
     """Reject a file that needs more memory than the limit."""
     allowed = limit()
     if size > allowed:
-        needed = _shown(size) if whole else f"more than {_shown(allowed)}"
-        enough = 1.1 * size if whole else 2 * allowed
+        needed = _shown(size) if exact else f"more than {_shown(allowed)}"
+        enough = 1.1 * size if exact else 2 * allowed
         raise RecordError(
             f"{path}: would take {needed} of memory to read, and the limit is {_shown(allowed)};"
             f'{hint} to allow more, set {VARIABLE}, such as {VARIABLE}="{_shown(enough)}"'
@@ -55,7 +55,7 @@ def read_bytes(path: str | os.PathLike[str], share: float = 1.0) -> bytes:
                     f"{path}: is a pipe or a device that does not end within {_shown(most)}; save "
                     "what it gives in a file"
                 )
-            check(path, share * len(content), whole=False)
+            check(path, share * len(content), exact=False)
     return bytes(content)
 
 

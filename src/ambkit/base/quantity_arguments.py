@@ -10,7 +10,7 @@ from ambkit.base import units
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import one_line
 
-Given = float | str  #: A quantity as an argument: a number in SI, or text with a unit.
+QuantityLike = float | str  #: A quantity as an argument: a number in SI, or text with a unit.
 
 Kind = TypeVar("Kind")
 
@@ -18,7 +18,7 @@ _SHOWN = 40  # characters of the value in a message
 
 
 @overload
-def in_si(name: str, value: Given, unit: str) -> float: ...
+def in_si(name: str, value: QuantityLike, unit: str) -> float: ...
 @overload
 def in_si(name: str, value: None, unit: str) -> None: ...
 def in_si(name: str, value: Any, unit: str) -> float | None:

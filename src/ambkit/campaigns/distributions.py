@@ -145,9 +145,9 @@ class Varied(Part):
         if key.unit in ("", "1"):
             return self
 
-        def said(value: Any) -> Any:
+        def with_unit(value: Any) -> Any:
             if isinstance(value, tuple):
-                return tuple(map(said, value))
+                return tuple(map(with_unit, value))
             return (
                 units.engineering(value, key.unit, digits=None) if type(value) is float else value
             )
@@ -155,7 +155,7 @@ class Varied(Part):
         names = [
             n for n in ("low", "high", "tolerance", "mean", "std", "values") if hasattr(self, n)
         ]
-        return self.model_copy(update={name: said(getattr(self, name)) for name in names})
+        return self.model_copy(update={name: with_unit(getattr(self, name)) for name in names})
 
     def _number(self, name: str, key: Key, *, about: bool = False) -> float:
         """Return one of the values in SI; a share with `about` is relative to the nominal value."""

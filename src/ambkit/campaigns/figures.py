@@ -308,7 +308,7 @@ def front_figure(
     rest = visible & ~best
     items: list[Item] = [
         Points(x[rest & ~allowed], y[rest & ~allowed], signal="measured", label="not allowed"),
-        Points(x[rest & allowed], y[rest & allowed], signal="constant", label="tried"),
+        Points(x[rest & allowed], y[rest & allowed], signal="constant", label="evaluated"),
         Line(x[front], y[front], signal="series 3", label=""),
         Points(x[front], y[front], signal="series 3", label="Pareto front"),
         Points(x[[0]], y[[0]], signal="start", label="untuned"),
@@ -316,11 +316,11 @@ def front_figure(
         Rule(peak_limit, axis="x", signal="limit", label="limit"),
     ]
     left_out = int((~visible).sum())
-    left_out_said = f" {left_out} beyond the axes are not shown." if left_out else ""
+    left_out_note = f" {left_out} beyond the axes are not shown." if left_out else ""
     return Figure(
         "front",
         title,
         "Each point is a controller with its filter, simulated with the same machines and the same "
-        f"noise.{left_out_said}",
+        f"noise.{left_out_note}",
         [Panel(Axis("peak of |S|"), Axis("error of the disturbance force, rms", "N"), items)],
     )

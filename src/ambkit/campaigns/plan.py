@@ -40,7 +40,7 @@ IN_PROPORTION = ("kp", "ki", "kd", "feed_forward")
 """PID gains that scale with those of amplifier and sensor."""
 
 
-class Drawn(NamedTuple):
+class SampledMachine(NamedTuple):
     """One machine of a study."""
 
     run: int  #: Number of the run.
@@ -181,7 +181,9 @@ class Plan:
             return run // np.uint64(len(self.marginals) + 2)
         return run
 
-    def machines(self, points: Array, noise: NDArray[np.uint64], first: int) -> Iterator[Drawn]:
+    def machines(
+        self, points: Array, noise: NDArray[np.uint64], first: int
+    ) -> Iterator[SampledMachine]:
         """Yield the machines at points."""
         # points (n, k); noise (n,)
         allowed = self.allowed(points)
@@ -190,7 +192,7 @@ class Plan:
                 name: of.values[int(value)] if isinstance(of, ChoiceMarginal) else float(value)
                 for name, of, value in zip(self.names, self.marginals, row, strict=True)
             }
-            yield self._drawn(first + at, values, int(noise[at]), bool(allowed[at]))
+            yield self._sampled(first + at, values, int(noise[at]), bool(allowed[at]))
 
     def allowed(self, points: Array) -> NDArray[np.bool_]:
         """Return at which points (n, k) all numbers are within the limits of their keys (n,)."""
@@ -204,7 +206,9 @@ class Plan:
                     allowed &= column >= key.at_least
         return allowed
 
-    def _drawn(self, run: int, values: Mapping[str, Any], noise: int, allowed: bool) -> Drawn:
+    def _sampled(
+        self, run: int, values: Mapping[str, Any], noise: int, allowed: bool
+    ) -> SampledMachine:
         scenario = self._scenario(values)
         estimator = self.estimators[str(values.get("estimator", self.study.estimator))]
         own = {
@@ -216,7 +220,7 @@ class Plan:
         if own and not wrong:
             plant = changed(plant, own)
             wrong = next(iter(plant.contradictions(self.nominal)), "")
-        return Drawn(run, values, self._planned(plant, scenario, estimator, noise), wrong)
+        return SampledMachine(run, values, self._planned(plant, scenario, estimator, noise), wrong)
 
     def beyond(self, values: Mapping[str, Any]) -> str:
         """Return which value is out of its range."""

@@ -70,12 +70,12 @@ def _from(client: Any, plan: Plan, pickled: bytes, parts: list[int]) -> Iterator
     threads = sum(client.nthreads().values()) or 1
     waiting = iter(parts)
 
-    def given(part: int) -> Any:
+    def submitted(part: int) -> Any:
         # Pure, under a fixed key: a part that is submitted twice is computed once.
         key = f"{plan.fingerprint[:16]}-{part}"
         return client.submit(part_of, pickled, part, versions(), key=key, retries=2)
 
-    futures = {given(part): part for part in islice(waiting, AHEAD * threads)}
+    futures = {submitted(part): part for part in islice(waiting, AHEAD * threads)}
     queue = as_completed(list(futures), loop=client.loop)
     for future in queue:
         if future.status in ("cancelled", "lost"):
@@ -85,7 +85,7 @@ def _from(client: Any, plan: Plan, pickled: bytes, parts: list[int]) -> Iterator
         future.release()
         threads = sum(client.nthreads().values()) or threads
         while len(futures) < AHEAD * threads and (more := next(waiting, None)) is not None:
-            another = given(more)
+            another = submitted(more)
             futures[another] = more
             queue.add(another)
         yield part, rows
@@ -143,7 +143,7 @@ def campaign(
     with place.held():
         place.begin()
         counted = StoppingRule(place)
-        with _hands(cluster, workers, threads, done) as computed:
+        with _executor(cluster, workers, threads, done) as computed:
             for end in interim_analyses(plan):
                 missing = [part for part in range(end) if part not in counted.passed]
                 for part, rows in computed(plan, missing):
@@ -172,34 +172,34 @@ def begun(study: Study | str | os.PathLike[str], folder: str | os.PathLike[str] 
         folder = Path(study).with_suffix("").name
     known = load(study)
     plan = Plan(known)
-    there = Folder(folder, plan).done()
-    runs = sum(stop - first for first, stop in map(plan.span, there))
+    on_cluster = Folder(folder, plan).done()
+    runs = sum(stop - first for first, stop in map(plan.span, on_cluster))
     return Begun(known, Path(folder), runs, plan.runs)
 
 
-Hands = Callable[[Plan, list[int]], Iterator[tuple[int, Rows]]]
+Executor = Callable[[Plan, list[int]], Iterator[tuple[int, Rows]]]
 
 
 @contextmanager
-def _hands(
+def _executor(
     cluster: str | None, workers: int | None, threads: int | None, tell: Step
-) -> Iterator[Hands]:
+) -> Iterator[Executor]:
     """Yield the executor of parts, which reports their runs: this process or a cluster."""
     if cluster is None:
-        yield partial(_here, threads=threads, tell=tell)
+        yield partial(_in_process, threads=threads, tell=tell)
         return
 
     with scheduler(cluster, workers) as address:
 
-        def there(plan: Plan, parts: list[int]) -> Iterator[tuple[int, Rows]]:
+        def on_cluster(plan: Plan, parts: list[int]) -> Iterator[tuple[int, Rows]]:
             for part, rows in of(address, plan, parts, 0.0 if cluster == "local" else PATIENCE):
                 yield part, rows
                 tell("", steps=rows.runs.num_rows)
 
-        yield there
+        yield on_cluster
 
 
-def _here(
+def _in_process(
     plan: Plan, parts: list[int], *, threads: int | None, tell: Step
 ) -> Iterator[tuple[int, Rows]]:
     for part in parts:

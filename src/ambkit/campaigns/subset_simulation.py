@@ -16,7 +16,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import json_text
 from ambkit.base.own_class import MARK, load_class
-from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.base.quantity_arguments import QuantityLike, in_si
 from ambkit.base.units import engineering
 from ambkit.campaigns import sampling
 from ambkit.campaigns.plan import Plan
@@ -238,7 +238,7 @@ def _own(name: str, limit: Callable[..., Any], columns: dict[str, Array]) -> Arr
 
 
 def rare_in_folder(
-    folder: str | os.PathLike[str], figure: str, above: Given, **options: Any
+    folder: str | os.PathLike[str], figure: str, above: QuantityLike, **options: Any
 ) -> Statement:
     """Estimate a rare failure of a campaign's machines, and store it in its folder."""
     place = Folder.existing(folder)

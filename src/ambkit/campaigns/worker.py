@@ -19,7 +19,7 @@ from ambkit.base.arrays import Array, Complex
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread, rare_collections
 from ambkit.campaigns.distributions import ChoiceMarginal
-from ambkit.campaigns.plan import Drawn, Plan
+from ambkit.campaigns.plan import Plan, SampledMachine
 from ambkit.campaigns.study_tables import ZONES, limit_of
 from ambkit.control.linear.linear_controller import compensator, controller
 from ambkit.control.linear.linear_plant import OperatingPoint, alike, plants
@@ -96,7 +96,7 @@ def compute(
     return Rows(runs, traces_table(plan, results.traces) if every else None)
 
 
-class Flown(NamedTuple):
+class SimulatedMachines(NamedTuple):
     """Results of some machines."""
 
     columns: dict[str, Any]  #: Figures, counts, margins and verdict, by name.
@@ -113,10 +113,10 @@ def fly(
     traced: Sequence[int] = (),
     threads: int | None = None,
     done: Callable[[int], None] | None = None,
-) -> Flown:
+) -> SimulatedMachines:
     """Sample machines at points, simulate and evaluate them."""
     # points (n, k); noise (n,)
-    samples: list[Drawn] = []
+    samples: list[SampledMachine] = []
     record = plan.study.record
 
     def possible() -> Iterator[Any]:
@@ -143,7 +143,7 @@ def fly(
         run: samples[run - first].planned.simulated()
         for run in traced if not samples[run - first].wrong
     }  # fmt: skip
-    return Flown(columns, traces, [sample.wrong for sample in samples])
+    return SimulatedMachines(columns, traces, [sample.wrong for sample in samples])
 
 
 def _spread(many: Many, can: Sequence[int], n: int) -> dict[str, Any]:
@@ -158,7 +158,7 @@ def _spread(many: Many, can: Sequence[int], n: int) -> dict[str, Any]:
     return columns
 
 
-def _fails(plan: Plan, columns: Mapping[str, Any], samples: Sequence[Drawn]) -> list[str]:
+def _fails(plan: Plan, columns: Mapping[str, Any], samples: Sequence[SampledMachine]) -> list[str]:
     """Return the criteria that each machine fails, separated by commas; empty if none."""
     passes = plan.study.passes
     against: dict[str, NDArray[np.bool_]] = {

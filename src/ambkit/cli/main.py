@@ -21,9 +21,9 @@ INTERRUPTED = 130  #: Exit code after Ctrl-C, as in shells: 128 and the signal's
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run a command and exit with its exit code."""
-    alone = arguments is None
+    standalone = arguments is None
     try:
-        if alone:
+        if standalone:
             sys.unraisablehook = _heed_interrupts
             # Figures are written to files; matplotlib must not require a display.
             os.environ.pop("MPLBACKEND", None)
@@ -37,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         printing.heed_notes()
         argv = sys.argv[1:] if arguments is None else arguments
         debug = "--debug" in argv
-        if alone and not debug:  # overflow is visible in the results
+        if standalone and not debug:  # overflow is visible in the results
             import warnings
 
             warnings.simplefilter("ignore", RuntimeWarning)
@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         code = INTERRUPTED
     if code == INTERRUPTED:
         _interrupted()
-    if alone:
+    if standalone:
         import signal
 
         # All is done: Ctrl-C during interpreter shutdown would only print noise.

@@ -117,7 +117,7 @@ class PID(Part):
     """
 
     @model_serializer(mode="wrap")
-    def _only_what_was_said(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _set_fields_only(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Omit unset values: they are tuned to the machine, which is not known yet."""
         data: dict[str, Any] = handler(self)
         stated_fields = self.model_fields_set

@@ -237,7 +237,7 @@ class _Rotor:
         A, q = self.still + speed * self.spin, len(self.still)
         return np.asarray(-(speed**2) * np.eye(q) - A[:, :q] - 1j * speed * A[:, q:])
 
-    def given(self, speed: float) -> Complex:
+    def force_response(self, speed: float) -> Complex:
         """Return the accelerations (q, p) per newton of each magnet, rotating at a speed."""
         return np.asarray(self.give * np.array([item.at(speed)[1] for item in self.behind]))
 
@@ -247,7 +247,7 @@ class _Rotor:
         moved = np.asarray(np.linalg.solve(D, speed**2 * self.push), complex)
         if unbalance == "force-free":
             return moved, -(self.k_s / self.k_i) * (self.H @ moved)
-        give = np.linalg.solve(D, self.given(speed))
+        give = np.linalg.solve(D, self.force_response(speed))
         held = -np.linalg.lstsq(self.H @ give, self.H @ moved, rcond=None)[0]
         return np.asarray(moved + give @ held, complex), held / self.k_i
 
@@ -275,7 +275,7 @@ class _Rotor:
                 seen = seen + np.outer(by_force, self.k_s[axis] * self.H[axis])
         demanded = np.linalg.solve(own, seen)
         pull = self.k_s * self.H + self.k_i * late[:, None] * demanded
-        D = self.dynamics(speed) - self.given(speed) @ pull
+        D = self.dynamics(speed) - self.force_response(speed) @ pull
         return np.asarray(np.linalg.solve(D, speed**2 * self.push), complex)
 
     def orbits(self, moved: Complex, sizes: Array) -> Array:

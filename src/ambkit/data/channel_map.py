@@ -147,7 +147,7 @@ class ChannelMap(Document):
         return tuple(item for item in (*result, *arrays) if item is not None)
 
     @property
-    def wanted(self) -> tuple[str | int, ...]:
+    def columns_needed(self) -> tuple[str | int, ...]:
         """What the map needs of a file: names of arrays or columns, and indices of columns."""
         channels = self.signals.values()
         places = (c.column if (name := self._name(c)) is None else name for c in channels)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError, shortened
-from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.base.quantity_arguments import QuantityLike, in_si
 from ambkit.data import frames
 from ambkit.data import signals as names
 from ambkit.result.showing import Shown
@@ -122,7 +122,9 @@ class Record(Shown, frames.Framed):
         """Whether there is a truth to judge estimates."""
         return bool(self.truth)
 
-    def between(self, start: Given | None = None, stop: Given | None = None) -> Record:
+    def between(
+        self, start: QuantityLike | None = None, stop: QuantityLike | None = None
+    ) -> Record:
         """Return the part with start <= t < stop; its time is not shifted.
 
         Parameters

@@ -49,7 +49,7 @@ def by_name(names: Sequence[str], values: Sequence[Any]) -> Any:
     return dict(zip(names, values, strict=True)) if any(names) else values[0]
 
 
-def each_of(values: Any) -> list[Any]:
+def values_of(values: Any) -> list[Any]:
     """Return the values of a result of `by_name`."""
     return list(values.values()) if isinstance(values, dict) else [values]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, Literal, Self
 
-from ambkit.base.quantity_arguments import Given, in_si, of_type
+from ambkit.base.quantity_arguments import QuantityLike, in_si, of_type
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.noise_model import Variances
 from ambkit.machine.machine import Machine
@@ -60,8 +60,8 @@ class AdaptiveNoise(Estimator):
         *,
         method: Literal["innovation", "sage-husa"] = "innovation",
         adapts: Literal["measurement", "disturbance", "both"] = "measurement",
-        memory: Given = 0.5,
-        window: Given = 0.01,
+        memory: QuantityLike = 0.5,
+        window: QuantityLike = 0.01,
         most: float = 100.0,
     ) -> None:
         of_type(Estimator, inner=inner)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ambkit.base.arrays import Array
-from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.base.quantity_arguments import QuantityLike, in_si
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimator import Arguments, Estimator
 from ambkit.estimate.observer import unstable_pole
@@ -137,7 +137,7 @@ class MultipleModelFilter(Estimator):
         magnet: MagnetModel | None = None,
         *,
         scales: Sequence[float] = (0.7, 0.85, 1.0, 1.15, 1.3),
-        sojourn: Given = 1.0,
+        sojourn: QuantityLike = 1.0,
         excitation: float = 1 / 3,
         **options: Any,
     ) -> None:

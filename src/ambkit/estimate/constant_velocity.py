@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ambkit.base.arrays import Array
-from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.base.quantity_arguments import QuantityLike, in_si
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.axes import force_laws, isolated_axes
 from ambkit.machine.machine import Machine
@@ -75,7 +75,7 @@ class ConstantVelocity(KalmanFilter):
         machine: Machine,
         magnet: MagnetModel | None = None,
         *,
-        acceleration: Given | None = None,
+        acceleration: QuantityLike | None = None,
         **options: Any,
     ) -> None:
         acceleration_si = in_si("acceleration", acceleration, "m^2/s^3")

@@ -136,20 +136,20 @@ class FilterFile(Document):
     def _without_empty(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Omit empty values."""
 
-        def said(value: Any) -> Any:
+        def without_empty(value: Any) -> Any:
             if not isinstance(value, dict):
                 return value
-            entries = {key: said(item) for key, item in value.items()}
+            entries = {key: without_empty(item) for key, item in value.items()}
             return {
                 key: entry for key, entry in entries.items() if entry not in ("", {}, (), [], None)
             }
 
-        data: dict[str, Any] = said(handler(self))
+        data: dict[str, Any] = without_empty(handler(self))
         if not self.plant.single:
             data.pop("inputs", None)  # for a single axis only
         return data
 
-    def asked(self) -> MagnetModel | None:
+    def magnet_model(self) -> MagnetModel | None:
         """Return its magnet model; None for the default of its kind.
 
         Raises
@@ -177,7 +177,7 @@ class FilterFile(Document):
         precision : {"float64", "float32"}
             Precision of the core.
         magnet : optional
-            Magnet model in place of `asked`, such as the table of its expert.
+            Magnet model in place of `magnet_model`, such as the table of its expert.
 
         Raises
         ------
@@ -187,7 +187,7 @@ class FilterFile(Document):
         """
         kind = KINDS[self.kind]
         if magnet is None:
-            magnet = self.asked()
+            magnet = self.magnet_model()
         limits = ("gravity", "gate", "frozen_limit", "outlier_limit", "as_printed")
         options = {name: _option(v, kind.option_units[name]) for name, v in self.options.items()}
         if self.synchronous:

@@ -119,7 +119,7 @@ def save(
     if magnet is None and not _has_custom_force_law(filter):
         magnet_files = (
             _written_beside(path, filter.magnet) if single
-            else _each_beside(path, filter.machine, filter.magnet)
+            else _bearings_beside(path, filter.machine, filter.magnet)
         )  # fmt: skip
     described(filter, machine, magnet_files).save(path)
 
@@ -157,7 +157,7 @@ def _alike(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
     )
 
 
-def _each_beside(path: Path, machine: Machine, magnet: MagnetModel) -> dict[str, Path]:
+def _bearings_beside(path: Path, machine: Machine, magnet: MagnetModel) -> dict[str, Path]:
     """Write the magnet models of a machine's filter beside its file: for each bearing, by name."""
     assert isinstance(magnet, ForceLaws)
     parts: dict[str, MagnetModel] = {}

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.base.quantity_arguments import QuantityLike, in_si
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimator import Arguments, Estimator
 from ambkit.machine.machine import Machine
@@ -53,9 +53,9 @@ class LowPass(Estimator):
         machine: Machine,
         magnet: MagnetModel | None = None,
         *,
-        position: Given | None = None,
-        velocity: Given | None = None,
-        force: Given | None = None,
+        position: QuantityLike | None = None,
+        velocity: QuantityLike | None = None,
+        force: QuantityLike | None = None,
         **options: Any,
     ) -> None:
         arguments = {"position": position, "velocity": velocity, "force": force}

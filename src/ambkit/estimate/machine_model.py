@@ -108,9 +108,9 @@ class View:
             raise ValueError(f"{name} {text}")
         readings, axes = self.machine.readings, self.isolated
         full = Variances(
-            self._each(noise.measurement, readings, lambda item: item.sensor.noise_variance),
-            self._each(noise.control, axes, lambda axis: axis.amplifier.noise_variance),
-            self._each(noise.disturbance, axes, None),
+            self._variances(noise.measurement, readings, lambda item: item.sensor.noise_variance),
+            self._variances(noise.control, axes, lambda axis: axis.amplifier.noise_variance),
+            self._variances(noise.disturbance, axes, None),
         )
         check_variances(full)
         return full
@@ -127,7 +127,7 @@ class View:
         if self.machine.control_unit == "V" and any(isinstance(v, InOther) for v in control):
             yield "noise.control", "is in A^2; the control signal is in V"
 
-    def _each(
+    def _variances(
         self, variances: Any, items: Sequence[Any], usual: Callable[[Any], float] | None
     ) -> Any:
         """Return the variances of a noise for readings or axes, or the defaults."""

@@ -13,7 +13,7 @@ import numpy as np
 from ambkit.base import units
 from ambkit.base.arrays import Array
 from ambkit.base.config.quantities import InOther
-from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.base.quantity_arguments import QuantityLike, in_si
 from ambkit.models.model import Descriptor, Model
 
 
@@ -92,9 +92,9 @@ class FilterNoise:
 
     def __init__(
         self,
-        measurement: Given | Sequence[Given] | None = None,
-        control: Given | Sequence[Given] | None = None,
-        disturbance: Given | Sequence[Given] | None = None,
+        measurement: QuantityLike | Sequence[QuantityLike] | None = None,
+        control: QuantityLike | Sequence[QuantityLike] | None = None,
+        disturbance: QuantityLike | Sequence[QuantityLike] | None = None,
     ) -> None:
         arguments = {"measurement": measurement, "control": control, "disturbance": disturbance}
         for name, unit in UNITS.items():
@@ -108,7 +108,7 @@ class FilterNoise:
             object.__setattr__(self, name, value)
 
 
-def _read(name: str, value: Given | None, unit: str) -> float | None:
+def _read(name: str, value: QuantityLike | None, unit: str) -> float | None:
     """Return a variance in SI; that of a control signal may be of a current."""
     if isinstance(value, InOther):
         return value

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ambkit.base.arrays import Array
-from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.base.quantity_arguments import QuantityLike, in_si
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimator import Arguments, Estimator
 from ambkit.estimate.noise_model import VERY_COARSE, LinearModel, held_rounding
@@ -67,7 +67,7 @@ class _Observer(Estimator):
         k = ConstantStiffness.of(self.machine)
         # States are scaled, because the equations lose their digits between newtons and
         # micrometres.
-        full_model = _whole(engine)
+        full_model = _full_model(engine)
         units = np.array(self.view.start_std(self.variances, full_model.states))
         variance, step, dwell = settings["var_y"][0], settings["step"][0], settings["dwell"]
         intensity = self.view.growth(self.variances, full_model.noises)
@@ -137,7 +137,7 @@ class ExtendedStateObserver(_Observer):
         machine: Machine,
         magnet: MagnetModel | None = None,
         *,
-        bandwidth: Given | None = None,
+        bandwidth: QuantityLike | None = None,
         **options: Any,
     ) -> None:
         bandwidth = in_si("bandwidth", bandwidth, "rad/s")
@@ -194,7 +194,7 @@ class SteadyStateKalmanFilter(_Observer):
         return np.asarray((PH / (model.H @ PH + model.R)).ravel())
 
 
-def _whole(engine: Engine) -> Model:
+def _full_model(engine: Engine) -> Model:
     """Return the model of the machine with all sensor noise."""
     sensor = engine.machine.sensors[0]
     if not sensor.hum and (engine.noise or not sensor.coloured_noise):

@@ -120,7 +120,7 @@ class FilterKind:
     #: Options of the surrounding :class:`ambkit.AdaptiveNoise`, if there is one.
     adaptive_noise: Mapping[str, Any] | None = None
     ratios: tuple[str, ...] = ()  #: Dimensionless options that are not tuned.
-    given: str = ""  #: Class of magnet that distinguishes it from others of its class.
+    magnet_class: str = ""  #: Class of magnet that distinguishes it from others of its class.
     magnet_tolerance: float = 0.0  #: Tolerance of the magnet constant that its covariance includes.
 
     def make(
@@ -212,11 +212,11 @@ KINDS = {
         ),
         FilterKind(
             "table", "Kalman filter, stiffness table",
-            "kalman.AdaptiveKalmanFilter", PAPER, None, given="StiffnessMap",
+            "kalman.AdaptiveKalmanFilter", PAPER, None, magnet_class="StiffnessMap",
         ),
         FilterKind(
             "adaptive", "adaptive Kalman filter, fuzzy expert",
-            "kalman.AdaptiveKalmanFilter", PAPER, None, given="Expert",
+            "kalman.AdaptiveKalmanFilter", PAPER, None, magnet_class="Expert",
         ),
         FilterKind(
             "closed-law", "Kalman filter, closed law",
@@ -325,7 +325,7 @@ def kind_of(estimator: Estimator) -> str:
         magnet = magnet.models[0]
     if not results:
         raise AmbkitError(f"the {estimator.name} is of no kind that a file can name")
-    return next((k for k in results if KINDS[k].given == type(magnet).__name__), results[-1])
+    return next((k for k in results if KINDS[k].magnet_class == type(magnet).__name__), results[-1])
 
 
 def learned_magnet(name: str, machine: Machine) -> MagnetModel | None:

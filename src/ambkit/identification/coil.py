@@ -88,7 +88,7 @@ class CoilFit(Result):
     #: Noise of the current sensor, from neighbouring samples without switching [A].
     noise: float
     #: Residual of each log [A].
-    each: Mapping[str, float]
+    residuals: Mapping[str, float]
     #: The same for a coil identified from all other logs; empty with fewer than three.
     left_out: Mapping[str, float]
     distance: Mapping[str, float]  #: Mean of z in each log [m].
@@ -126,10 +126,10 @@ class CoilFit(Result):
         if self.known is not None:
             zero = self.offset(self.known)
             result.append(Row("control_offset", "offset of the control signal", zero, "V"))
-        for name in sorted(self.each, key=self.distance.__getitem__):
+        for name in sorted(self.residuals, key=self.distance.__getitem__):
             result += put([
                 Row("distance", "distance", self.distance[name], "m"),
-                Row("each", "from this log", self.each[name], "A", 3),
+                Row("each", "from this log", self.residuals[name], "A", 3),
                 Row("left_out", "without this log", self.left_out.get(name), "A", 3),
             ], section=("logs",), of=name)  # fmt: skip
         return result
@@ -303,7 +303,9 @@ def coil_figure(fit: Any) -> Figure:
     jump = int(np.argmax(np.abs(np.diff(record["u"]))))
     half_window = round(SHOWN / 2 / record.sampling_time)
     cut = slice(max(jump - half_window // 3, 0), jump + half_window)
-    parts = np.array([(fit.distance[n], fit.each[n], fit.left_out.get(n, np.nan)) for n in names])
+    parts = np.array(
+        [(fit.distance[n], fit.residuals[n], fit.left_out.get(n, np.nan)) for n in names]
+    )
     return Figure(
         id="coil",
         title="A coil, from steps of its control signal",
@@ -311,10 +313,10 @@ def coil_figure(fit: Any) -> Figure:
         panels=[
             Panel(Axis("time $t$", "s"), Axis("coil current $i$", "A"), [
                 Line(record.t[cut], record["i"][cut], signal="measurement", label="measured"),
-                Line(record.t[cut], fit.coil.current(record)[cut], signal="fit", label="found"),
+                Line(record.t[cut], fit.coil.current(record)[cut], signal="fit", label="fit"),
             ]),
             Panel(distance, Axis("time constant", "ms", 1e3), [
-                Line(at, fit.coil.time_constant(at), signal="fit", label="found"),
+                Line(at, fit.coil.time_constant(at), signal="fit", label="fit"),
             ]),
             Panel(distance, Axis("left, rms", "mA", 1e3), [
                 Rule(fit.noise, signal="bound", label="noise"),

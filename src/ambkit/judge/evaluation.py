@@ -16,7 +16,7 @@ from ambkit.base.errors import RecordError
 from ambkit.base.escaping import label, markdown
 from ambkit.data.record import Record
 from ambkit.data.record_card import lost_spans
-from ambkit.data.signals import by_name, each_of, signal
+from ambkit.data.signals import by_name, signal, values_of
 from ambkit.estimate.errors import LAGS, errors_along, rms, true_signal, whiteness
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.estimate_panels import (
@@ -72,7 +72,11 @@ class Evaluation:
 
     def rows(self, machine: Machine, flags: Sequence[str]) -> list[Row]:
         """Return the figures; of several readings only the means, unless verbose."""
-        several, units, white = len(machine.axes) > 1, self.estimate.units, each_of(self.whiteness)
+        several, units, white = (
+            len(machine.axes) > 1,
+            self.estimate.units,
+            values_of(self.whiteness),
+        )
         share, bound = (
             by_name(self.estimate.readings or ("",), [w and getattr(w, name) for w in white])
             for name in ("share_within", "bound")
@@ -96,7 +100,7 @@ class Evaluation:
             Row("white_share", "  lags within 95 % bound", share, "%", detail=several),
             Row("white_bound", "  bound", bound, detail=True),
             *(Row(f"{key}.{ahead}", name.format(f"{ahead} step{'s' * (ahead > 1)}"), error, "m",
-                  note="beyond the air gap" if max(each_of(error)) > gap else "",
+                  note="beyond the air gap" if max(values_of(error)) > gap else "",
                   detail=several and key != "prediction")
               for key, (name, way) in ways.items() for ahead, error in way.items()),
             Row("disturbance_mean", "disturbance force, mean", self.disturbance_mean, "N"),
@@ -257,9 +261,9 @@ def filter_figure(
         return [] if truth is None else [Line(t, truth, signal="truth")]
 
     def estimated(signal: str) -> list[Item]:
-        return drawn(lambda estimate: estimate[signal] if signal in estimate.names else None)
+        return lines(lambda estimate: estimate[signal] if signal in estimate.names else None)
 
-    def drawn(read: Callable[[Estimate], Array | None]) -> list[Item]:
+    def lines(read: Callable[[Estimate], Array | None]) -> list[Item]:
         after = ((style, f"{label(n)}, smoothed") for style, n in zip(cycle(_SMOOTHED), smoothed))
         estimates = [*(item.estimate for item in evaluated.values()), *smoothed.values()]
         return [
@@ -292,7 +296,7 @@ def filter_figure(
         Panel(time, CURRENT, [*true(f"iu{name.removeprefix('i')}"), *estimated(name), *absent])
         for name in late
     ]
-    coloured = [] if any(estimates[0].readings) else drawn(lambda entry: entry.sensor_noise)
+    coloured = [] if any(estimates[0].readings) else lines(lambda entry: entry.sensor_noise)
     noises = [Panel(time, NOISE, [*true_noise(record), *coloured, *absent])] if coloured else []
     return Figure(
         id="filter",

@@ -219,7 +219,7 @@ def _peaks(machine: Machine, many: Machine) -> tuple[Peak | None, complex | None
     try:
         of = LoopBuilder(machine)
         estimator = KalmanFilter(machine)
-        control_law = of.flown_by(estimator)
+        control_law = of.controllers_with(estimator)
     except (AmbkitError, ValueError):  # no stabilising controller, or no filter for the machine
         return None, None
     worst: Peak | None = None

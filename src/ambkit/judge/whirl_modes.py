@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
-from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.base.quantity_arguments import QuantityLike, in_si
 from ambkit.control.held_loop import Gains
 from ambkit.control.pid import PID
 from ambkit.control.stabilising_controller import holding
@@ -84,7 +84,7 @@ class WhirlModes:
 
 def whirl_modes(
     machine: Machine,
-    fastest: Given | None = None,
+    fastest: QuantityLike | None = None,
     *,
     count: int = 121,
     pids: Sequence[PID | Gains] | None = None,
@@ -114,7 +114,7 @@ def whirl_modes(
     return WhirlModes(machine, speed, poles[:, order], forwards[order], along[order])
 
 
-def max_speed(machine: Machine, fastest: Given | None) -> float:
+def max_speed(machine: Machine, fastest: QuantityLike | None) -> float:
     """Return the maximum speed of an evaluation [rad/s]."""
     if machine.rotor.type == "mass":
         raise AmbkitError(f"{machine.name} does not turn: its rotor moves along one axis")

@@ -59,18 +59,18 @@ def slowest_time(of: Machine) -> float:
     return max(map(own_time, isolated_axes(of)))
 
 
-def _each(of: Machine, made: Callable[[Machine], MagnetModel]) -> MagnetModel:
+def _of_axes(of: Machine, made: Callable[[Machine], MagnetModel]) -> MagnetModel:
     return force_laws([made(axis) for axis in isolated_axes(of)], of)
 
 
 def ideal_laws(of: Machine) -> MagnetModel:
     """Return the magnets that a machine describes."""
-    return _each(of, magnet_of)
+    return _of_axes(of, magnet_of)
 
 
 def constant_stiffness(of: Machine) -> MagnetModel:
     """Return the constant stiffnesses of the operating point."""
-    return _each(of, ConstantStiffness.of)
+    return _of_axes(of, ConstantStiffness.of)
 
 
 def bias_forces(magnet: MagnetModel, of: Machine) -> list[float]:

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from ambkit.base.arrays import Array, real
 from ambkit.base.errors import AmbkitError
-from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.base.quantity_arguments import QuantityLike, in_si
 from ambkit.machine.axes import axis_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of, symmetric_current_limit
@@ -122,7 +122,7 @@ class StiffnessMap:
             )
         )
         other = self.force_bias if model is None else np.asarray(model(iu, x), dtype=float)
-        return float(np.sqrt(np.mean((_asked(self.force, iu, x) - other) ** 2)))
+        return float(np.sqrt(np.mean((_evaluated(self.force, iu, x) - other) ** 2)))
 
     def in_core(self, core: ModuleType) -> Table:
         """Build the C implementation: bilinear between the nodes, constant outside.
@@ -176,8 +176,8 @@ def stiffness_map(
     *,
     currents: ArrayLike | None = None,
     displacements: ArrayLike | None = None,
-    delta_current: Given | None = None,
-    delta_displacement: Given | None = None,
+    delta_current: QuantityLike | None = None,
+    delta_displacement: QuantityLike | None = None,
     force: ForceFunction | None = None,
 ) -> StiffnessMap:
     """Identify k_i and k_s over a grid of operating points (paper, eq. 26-31, Tables 2-5).
@@ -268,7 +268,7 @@ def local_stiffness(
     iu, x = np.broadcast_arrays(real("iu", iu), real("x", x))
     currents = iu[..., np.newaxis] + delta_current * _STEP_CURRENT
     displacements = x[..., np.newaxis] + delta_displacement * _STEP_DISPLACEMENT
-    y = _asked(force, currents, displacements) - _bias(force)
+    y = _evaluated(force, currents, displacements) - _bias(force)
     # Scaled by the steps, both columns are of one size: A of eq. 28 in metres would mix 1 and 1e-4.
     # QR instead of (A'A)^-1 of eq. 31, which would square the condition number.
     a = np.stack([currents / delta_current, displacements / delta_displacement], axis=-1)
@@ -279,7 +279,7 @@ def local_stiffness(
     return k_i, k_s, np.sqrt(np.mean(residual**2, axis=-1))
 
 
-def _asked(force: ForceFunction, iu: Array, x: Array) -> Array:
+def _evaluated(force: ForceFunction, iu: Array, x: Array) -> Array:
     """Evaluate the force function, and check for one finite force per point."""
     answer = np.asarray(force(iu, x), dtype=float)
     if answer.shape != iu.shape:
@@ -297,7 +297,7 @@ def _asked(force: ForceFunction, iu: Array, x: Array) -> Array:
 
 def _bias(force: ForceFunction) -> float:
     origin = np.zeros(1)
-    return float(_asked(force, origin, origin)[0])
+    return float(_evaluated(force, origin, origin)[0])
 
 
 def _nodes(name: str, values: ArrayLike | None, usual: Array, unit: str) -> Array:

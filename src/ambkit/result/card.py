@@ -69,9 +69,9 @@ def image(figure: Figure) -> str:
     """Return a figure as an HTML image, with its description as alternative text."""
     from PIL import Image  # used by matplotlib for PNGs
 
-    drawn = Image.open(BytesIO(figure.image(".png", LIGHT))).convert("RGB")
+    image = Image.open(BytesIO(figure.image(".png", LIGHT))).convert("RGB")
     light = BytesIO()
-    drawn.quantize(256, dither=Image.Dither.NONE).save(light, "PNG", optimize=True)
+    image.quantize(256, dither=Image.Dither.NONE).save(light, "PNG", optimize=True)
     picture = base64.b64encode(light.getvalue()).decode()
     return (
         f'<img style="max-width:100%;width:{100 * WIDTH:.0f}px;background:#fff"'

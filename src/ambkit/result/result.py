@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ambkit.base import escaping, files
 from ambkit.base.errors import AmbkitError
 from ambkit.result.row import Row, Stated, singles
-from ambkit.result.showing import Drawn
+from ambkit.result.showing import Plotted
 
 if TYPE_CHECKING:
     import pandas
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 ENDINGS = "must end in .json, .csv, .tex, .html, .png, .svg or .pdf"
 
 
-class Result(Stated, Drawn):
+class Result(Stated, Plotted):
     """A result, written in every form from one statement."""
 
     __slots__ = ()

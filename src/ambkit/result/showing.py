@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from ambkit.result.card import Card
 
 
-class Drawn:
+class Plotted:
     """An object with a figure."""
 
     __slots__ = ()
@@ -74,7 +74,7 @@ class Described:
         return self._card().html()
 
 
-class Shown(Described, Drawn):
+class Shown(Described, Plotted):
     """An object with a table and a figure in notebooks."""
 
     __slots__ = ()

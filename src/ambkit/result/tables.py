@@ -122,9 +122,9 @@ class Table(NamedTuple):
         ]
         for part in _parts([least for least, _ in widths], options.max_width):
             spread = _spread([widths[place] for place in part], options.max_width)
-            yield self._drawn({place: columns[place] for place in part}, spread)
+            yield self._printed({place: columns[place] for place in part}, spread)
 
-    def _drawn(self, columns: dict[int, tuple[str, ...]], widths: list[int]) -> Any:
+    def _printed(self, columns: dict[int, tuple[str, ...]], widths: list[int]) -> Any:
         """Print some of the columns, by index, with these widths."""
         from rich import box, table
         from rich.text import Text

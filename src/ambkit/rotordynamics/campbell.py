@@ -9,7 +9,7 @@ import numpy as np
 
 from ambkit.base import units
 from ambkit.base.escaping import markdown
-from ambkit.base.quantity_arguments import Given
+from ambkit.base.quantity_arguments import QuantityLike
 from ambkit.judge.modal_reduction import Reduction, reduction
 from ambkit.judge.whirl_modes import WhirlModes, whirl_modes
 from ambkit.machine.machine import Machine
@@ -81,7 +81,9 @@ class Campbell(WhirlModes, Result):
         return [campbell_figure(self)]
 
 
-def campbell(machine: Machine, fastest: Given | None = None, *, count: int = 121) -> Campbell:
+def campbell(
+    machine: Machine, fastest: QuantityLike | None = None, *, count: int = 121
+) -> Campbell:
     """Return the poles of a rotor over its speed, with the gains of a simulation."""
     return Campbell(**vars(whirl_modes(machine, fastest, count=count)))
 

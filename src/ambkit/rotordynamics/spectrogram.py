@@ -8,7 +8,7 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
-from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.base.quantity_arguments import QuantityLike, in_si
 from ambkit.base.units import figure
 from ambkit.data.record import Record
 from ambkit.result.report import Axis, Figure, Heatmap, Item, Line, Panel
@@ -61,8 +61,8 @@ def waterfall(
     record: Record,
     signal: str | None = None,
     *,
-    window: Given | None = None,
-    highest: Given | None = None,
+    window: QuantityLike | None = None,
+    highest: QuantityLike | None = None,
 ) -> Waterfall:
     """Return the spectra of a run's signal over time."""
     window, highest = in_si("window", window, "s"), in_si("highest", highest, "Hz")

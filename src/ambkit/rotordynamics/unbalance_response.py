@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array, grouped
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
-from ambkit.base.quantity_arguments import Given
+from ambkit.base.quantity_arguments import QuantityLike
 from ambkit.base.units import engineering, rpm
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_plant import OperatingPoint
@@ -65,7 +65,7 @@ class UnbalanceResponse(Result):
 
 
 def unbalance_response(
-    machine: Machine, fastest: Given | None = None, *, count: int = 400
+    machine: Machine, fastest: QuantityLike | None = None, *, count: int = 400
 ) -> UnbalanceResponse:
     """Return the steady synchronous motion of a rotor on its controllers."""
     if not machine.unbalance:

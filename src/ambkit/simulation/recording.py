@@ -52,7 +52,7 @@ class Stream:
         return int(core_module().philox([0, self.number, low, high], key)[0]) / 2**32
 
 
-def drawn(machine: Machine, scenario: Scenario, n: int) -> tuple[Array, Array]:
+def noise_samples(machine: Machine, scenario: Scenario, n: int) -> tuple[Array, Array]:
     """Return the noise on the control signals (n, p) [V] and on the readings (n, m) [m]."""
     axes, readings, T = machine.axes, machine.readings, machine.sampling_time
     noise_u, noise_y = np.zeros((n, len(axes))), np.zeros((n, len(readings)))
@@ -75,7 +75,7 @@ def drawn(machine: Machine, scenario: Scenario, n: int) -> tuple[Array, Array]:
 
 def white(machine: Machine, scenario: Scenario) -> tuple[list[float], list[float]] | None:
     """Return the standard deviations of the noise on control signals [V] and readings [m]."""
-    # They describe `drawn` completely; None for a sensor with noise that is not white.
+    # They describe `noise_samples` completely; None for a sensor with noise that is not white.
     axes, sensors = machine.axes, [reading.sensor for reading in machine.readings]
     if not scenario.noise:
         return [0.0] * len(axes), [0.0] * len(sensors)
@@ -89,14 +89,14 @@ def _not_white(machine: Machine) -> list[tuple[int, Any]]:
     """Return the noise parts of sensors, each with its stream."""
     # Of a reading's streams, the first kind has one, the second those from there on, and others
     # eight each from the last one down.
-    sizes, found = [Typical(1.0, 1.0, 1.0, 1.0)] * len(machine.axes), []  # they scale a filter
+    sizes, numbered = [Typical(1.0, 1.0, 1.0, 1.0)] * len(machine.axes), []  # they scale a filter
     for place, kind in enumerate(SENSOR_NOISE):
         first = 1 + place if place < 2 else STREAMS - 8 * (place - 1)
         numbers: Counter[str] = Counter()
         for part in kind.of(machine, sizes):
-            found.append((first + numbers[part.measurement], part))
+            numbered.append((first + numbers[part.measurement], part))
             numbers[part.measurement] += 1
-    return found
+    return numbered
 
 
 def by_equations(part: Any, T: float, n: int, stream: Stream) -> Array:
@@ -189,7 +189,7 @@ def recorded(
         {name: values for name, (values, _) in signals.items()},
         {name: unit for name, (_, unit) in signals.items()},
         meta={
-            "bearing" if moved is None else "machine": _said(machine),
+            "bearing" if moved is None else "machine": _toml_text(machine),
             "scenario": scenario.model_dump(mode="json"),
             "seed": scenario.seed,
             "run": scenario.run,
@@ -201,6 +201,6 @@ def recorded(
 
 
 @lru_cache(maxsize=64)
-def _said(machine: Machine) -> str:
+def _toml_text(machine: Machine) -> str:
     """Return a machine as text, shared by many of its runs."""
     return machine.to_toml()

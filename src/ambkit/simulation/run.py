@@ -36,7 +36,7 @@ from ambkit.simulation.external_inputs import (
     columns,
 )
 from ambkit.simulation.fields import InLoops, StraightLine
-from ambkit.simulation.recording import drawn, recorded, white
+from ambkit.simulation.recording import noise_samples, recorded, white
 from ambkit.simulation.scenario import (
     AXES,
     Scenario,
@@ -71,12 +71,12 @@ def _memory() -> int:
     return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 
-def simulate(machine: Machine, scenario: Scenario, **given: Any) -> Record:
+def simulate(machine: Machine, scenario: Scenario, **options: Any) -> Record:
     """Simulate the closed loop; see :func:`simulate_run`, which also returns the estimate."""
-    return simulate_run(machine, scenario, **given).record
+    return simulate_run(machine, scenario, **options).record
 
 
-def simulate_run(machine: Machine, scenario: Scenario, **given: Any) -> Run:
+def simulate_run(machine: Machine, scenario: Scenario, **options: Any) -> Run:
     """Simulate plant, amplifiers, sensors, controllers and estimator; see :class:`Loop`."""
     # A loop with an estimator in single precision is computed in single precision, plant and all.
     # The plant is continuous (Runge-Kutta of order 4 with ``scenario.substeps`` steps in a sample,
@@ -85,7 +85,7 @@ def simulate_run(machine: Machine, scenario: Scenario, **given: Any) -> Run:
     # bandwidth and voltage, a dead time, runout. Demanded control currents and loads are held over
     # a sample. Noise is normal, white unless a sensor has coloured noise or hum, from independent
     # streams of counters with the scenario's seed and run as their key (``sim/many.h``).
-    return Loop(machine, scenario, **given).run()
+    return Loop(machine, scenario, **options).run()
 
 
 class Sampled(NamedTuple):
@@ -232,7 +232,7 @@ class Loop:
     @cached_property
     def noise(self) -> tuple[Array, Array]:
         """On control signals (n, p) [V] and on readings (n, m) [m], including injections."""
-        noise_u, noise_y = drawn(self.machine, self.scenario, self._t.size)
+        noise_u, noise_y = noise_samples(self.machine, self.scenario, self._t.size)
         if self.external_inputs.sensor_noise is not None:
             noise_y = self.external_inputs.sensor_noise.reshape(noise_y.shape)
         if self._injected.any():
@@ -251,8 +251,8 @@ class Loop:
     @property
     def white_noise(self) -> tuple[list[float], list[float]] | None:
         """Standard deviations of the noise (p,) [V], (m,) [m], if it is white only."""
-        given = self.external_inputs.sensor_noise, self.external_inputs.readings
-        if any(item is not None for item in given) or self._injected.any():
+        options = self.external_inputs.sensor_noise, self.external_inputs.readings
+        if any(item is not None for item in options) or self._injected.any():
             return None
         return white(self.machine, self.scenario)
 

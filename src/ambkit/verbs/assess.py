@@ -77,12 +77,12 @@ def assess(
     $ ambkit assess tum_mlps --out verdict.html
     $ ambkit assess filter.toml --disturbance "5 N" --json
     """
-    from ambkit.arguments import given_orbit, loop_arguments
+    from ambkit.arguments import loop_arguments, orbit_argument
     from ambkit.assessment import assess
 
     return assess.assess(
         loop_arguments(machine, filter, controller, position, disturbance),
-        lqg="lqg" in beside, hinf="hinf" in beside, orbit=given_orbit(orbit),
+        lqg="lqg" in beside, hinf="hinf" in beside, orbit=orbit_argument(orbit),
     )  # fmt: skip
 
 
@@ -131,13 +131,13 @@ def assess_sweep(
     --------
     $ ambkit assess sweep my.toml --amplitudes "1 um" --amplitudes "20 um" --plot sweep.png
     """
-    from ambkit.arguments import given_orbit, loop_arguments
+    from ambkit.arguments import loop_arguments, orbit_argument
     from ambkit.assessment import amplitude_sweep
 
     loop = loop_arguments(machine, filter, controller, position, disturbance).one()
     with progress("sweeping"):
         return amplitude_sweep.sweep(
-            loop, amplitudes=amplitudes or None, kind=kind, axis=axis, orbit=given_orbit(orbit)
+            loop, amplitudes=amplitudes or None, kind=kind, axis=axis, orbit=orbit_argument(orbit)
         )
 
 

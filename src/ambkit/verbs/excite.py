@@ -68,7 +68,7 @@ def excite(
     $ ambkit excite my.toml --duration "1 s" --out excitation.csv --plot excitation.png
     $ ambkit excite tum_mlps --axis A1 --out excitation.csv
     """
-    from ambkit.arguments import given_band, given_limits, machine_argument
+    from ambkit.arguments import band_argument, limit_arguments, machine_argument
     from ambkit.base.quantity_arguments import in_si
     from ambkit.identification.excitation import Limits, design
     from ambkit.machine.axes import isolated
@@ -83,7 +83,7 @@ def excite(
         # A scenario of the user's is of the axis alone.
         return design(
             of if scenario is None else plant, happening, kind=kind, free=free,
-            limits=Limits.of(plant, *given_limits(limit)), band=given_band(band),
+            limits=Limits.of(plant, *limit_arguments(limit)), band=band_argument(band),
             load=in_si("random_walk", random_walk, "N"), axis=axis or "",
             done=lambda text: step(f"comparing bands: {text}"),
         )  # fmt: skip
@@ -142,7 +142,7 @@ def excite_sensitivity(
     $ ambkit excite sensitivity my.toml --out injection.csv
     $ ambkit excite sensitivity tum_mlps --axis A1 --out injection.csv
     """
-    from ambkit.arguments import NONE, given_band, given_limits, machine_argument
+    from ambkit.arguments import NONE, band_argument, limit_arguments, machine_argument
     from ambkit.assessment.injection_experiment import DURATION, design_injection
     from ambkit.workflow.simulate import scenario_for
 
@@ -153,9 +153,9 @@ def excite_sensitivity(
     )  # fmt: skip
     if not plant.single and filter is not None:
         happening = happening.fed("measurement" if without else "estimate")
-    current, displacement = given_limits(limit)
+    current, displacement = limit_arguments(limit)
     with progress("trying amplitudes"):
         return design_injection(
             plant, happening, None if without else filter, axis=axis, current=current,
-            displacement=displacement, band=given_band(band),
+            displacement=displacement, band=band_argument(band),
         )  # fmt: skip

@@ -81,7 +81,7 @@ def simulate(
     from ambkit.workflow import simulate
 
     with progress("simulating"):
-        return simulate.flown(
+        return simulate.simulate_with_filter(
             machine_argument(machine), scenario, filter, plant=plant,
             signals=names_in(signal=signal), external_inputs=external_inputs,
             duration=duration, step=step, load=disturbance, seed=seed,

@@ -79,10 +79,10 @@ def tune(
     $ ambkit tune my.toml run.csv --validate other.csv --out filter.toml --plot tune.png
     $ ambkit tune my.toml run.csv --max-sensitivity 2.5 --out filter.toml
     """
-    from ambkit.arguments import tuning_given
+    from ambkit.arguments import tuning_arguments
     from ambkit.workflow import tune
 
-    task = tuning_given(machine, records, filter, controller, channels)
+    task = tuning_arguments(machine, records, filter, controller, channels)
     with progress("tuning", budget) as done:
         result = tune.tune(
             task.machine, task.records, task.kind, validate=task.others(validate),
@@ -132,10 +132,10 @@ def tune_trade_off(
     --------
     $ ambkit tune trade-off tum_mlps --filter linear --peaks 1.7 --peaks 2.5 --plot trade.png
     """
-    from ambkit.arguments import tuning_given
+    from ambkit.arguments import tuning_arguments
     from ambkit.workflow import trade_off
 
-    task = tuning_given(machine, records, filter, controller, channels)
+    task = tuning_arguments(machine, records, filter, controller, channels)
     with progress("tuning", budget * len(peaks)) as done:
         return trade_off.trade_off(
             task.machine, peaks, task.records, task.kind, controller=task.controller,

@@ -15,7 +15,7 @@ from ambkit.arguments import arguments_of_the_user
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import is_class
-from ambkit.base.quantity_arguments import Given, in_si, names_in, of_type
+from ambkit.base.quantity_arguments import QuantityLike, in_si, names_in, of_type
 from ambkit.base.units import engineering
 from ambkit.data.files.tables import Table
 from ambkit.estimate.estimator import Estimator
@@ -196,9 +196,9 @@ def loop_cases(
     machine: Machine,
     scenario: Scenario | str | os.PathLike[str] | None = None,
     *,
-    steps: Iterable[Given] | None = None,
-    load: Given | None = None,
-    duration: Given | None = None,
+    steps: Iterable[QuantityLike] | None = None,
+    load: QuantityLike | None = None,
+    duration: QuantityLike | None = None,
     name: str = "scenario",
 ) -> dict[str, LoopCase]:
     """Return the cases by name: the user's scenario, or a step of each height."""

@@ -125,7 +125,7 @@ def design(
             kind, control, max_sensitivity=max_sensitivity, seed=seed, runs=runs, budget=budget
         )
         work.judge(kind, seed)
-    place, result = work.place, work.found
+    place, result = work.place, work.machine
     candidates = [candidate_in(place, kind) for kind in kinds]
     chosen = best_of(candidates)
     estimator = Estimator.load(chosen.file)
@@ -194,7 +194,7 @@ class _Work:
         self, machine: Machine, logs: Sequence[Any], validate: Sequence[Any], channels: Any,
         place: Path, note: Callable[[str], None],
     ) -> None:  # fmt: skip
-        self.given = self.found = machine
+        self.described = self.machine = machine
         self.logs, self.validate, self.channels = logs, validate, channels
         self.place, self.note, self.stages = place, note, Stages(place)
         self.inputs: Inputs | None = None
@@ -204,15 +204,15 @@ class _Work:
 
     def identify(self, free: Sequence[str] | None) -> None:
         """Identify an isolated axis from its logs; machines of several axes stay as described."""
-        if not (self.logs and self.given.single):
-            self.given.save(self.place / "machine.toml")
+        if not (self.logs and self.described.single):
+            self.described.save(self.place / "machine.toml")
             return
         self.note("identifying")
         place = self.place
 
         def make() -> None:
-            records = record_arguments(self.logs, self.given, self.channels)
-            result = identify(self.given, records, free=free, note=self.note)
+            records = record_arguments(self.logs, self.described, self.channels)
+            result = identify(self.described, records, free=free, note=self.note)
             files.write_text(place / "machine.toml", annotated_toml(result.likelihood, place))
             source = ", ".join(Path(path).name for path in self.logs)
             write_json(place / "identified.json", {"notes": result.of_the_zeros})
@@ -221,11 +221,11 @@ class _Work:
 
         names = [Path(path).name for path in (*self.logs, *self.validate)]
         self.stages.make(
-            "identify", [self.given.to_toml(), sorted(free or []), names, *self.sources],
+            "identify", [self.described.to_toml(), sorted(free or []), names, *self.sources],
             ("machine.toml", "identified.toml", "identified.json"), make,
         )  # fmt: skip
         identified = Estimator.load(self.place / "identified.toml")
-        self.found, self.inputs = identified.machine, identified.inputs
+        self.machine, self.inputs = identified.machine, identified.inputs
         self.notes = tuple(read_json(self.place / "identified.json")["notes"])
 
     def choose_controllers(self) -> Control:
@@ -233,8 +233,8 @@ class _Work:
         self.note("choosing the controllers")
         path = self.place / "scenario.toml"
         self.stages.make(
-            "control", [self.found.to_toml()], (path.name,),
-            lambda: Scenario(controller=control_for(self.found)).save(path),
+            "control", [self.machine.to_toml()], (path.name,),
+            lambda: Scenario(controller=control_for(self.machine)).save(path),
         )  # fmt: skip
         return Scenario.load(path).controller
 
@@ -257,7 +257,7 @@ class _Work:
         def make() -> None:
             logs, others = self.records
             tuned = tuned_within(
-                options["max_sensitivity"], self.found, logs, kind, validate=others,
+                options["max_sensitivity"], self.machine, logs, kind, validate=others,
                 controller=control, inputs=self.inputs,
                 seeds=range(options["seed"], options["seed"] + options["runs"]),
                 budget=options["budget"],

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ambkit.data.record import Record
-from ambkit.data.signals import by_name, each_of, signal
+from ambkit.data.signals import by_name, signal, values_of
 from ambkit.estimate.errors import errors_along
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.noise_model import FilterNoise
@@ -39,7 +39,7 @@ class Stretch:
 class TunedNoise:
     """Tuned process noise, and how it was chosen."""
 
-    found: FilterNoise  #: Intensities of maximum likelihood and of `default_disturbance`.
+    tuned: FilterNoise  #: Intensities of maximum likelihood and of `default_disturbance`.
     untuned: FilterNoise
     why: str  #: Reason for the choice if the likelihood does not determine it; else empty.
     worse: bool  #: Whether the rest of the record is less likely with it than untuned.
@@ -127,7 +127,7 @@ class Filtering(Result):
     def finding(self) -> str:
         ahead, gain = HORIZONS[-1], {}
         for name, e in self.evaluations.items():
-            pairs = zip(each_of(e.prediction[ahead]), each_of(e.held[ahead]), strict=True)
+            pairs = zip(values_of(e.prediction[ahead]), values_of(e.held[ahead]), strict=True)
             ratios = [error / held if held > 0 else math.inf for error, held in pairs]
             gain[name] = max(r if math.isfinite(r) else math.inf for r in ratios)
         best = min(gain, key=gain.__getitem__)

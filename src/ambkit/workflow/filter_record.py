@@ -23,7 +23,7 @@ from ambkit.control.control import WITH_CURRENT
 from ambkit.data.channel_map import ChannelMap
 from ambkit.data.reading.plausibility import longest_run
 from ambkit.data.record import Record
-from ambkit.data.signals import each_of, signal
+from ambkit.data.signals import signal, values_of
 from ambkit.estimate.angle import angle_notes
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimator import Estimator
@@ -241,7 +241,7 @@ def _of_tuning(one: Filtered) -> Iterator[str]:
             else "so the untuned one is used; this choice is not independent of the record"
         )
         yield (
-            f"{one.name}: tuned disturbance noise, {tuning.found.disturbance:.3g} N^2/s, fits the "
+            f"{one.name}: tuned disturbance noise, {tuning.tuned.disturbance:.3g} N^2/s, fits the "
             f"rest of the record worse than the untuned, {tuning.untuned.disturbance:.3g} N^2/s "
             f"(the disturbance force varied differently there), {then}; --disturbance-noise sets "
             "it, or tunes it on another interval"
@@ -262,7 +262,7 @@ def _warnings(result: Filtering, samples: int, estimates: Mapping[str, Estimate]
     yield from contact_notes(result.machine, result.record, estimates)
     gap = max(placed.magnet.air_gap for placed in result.machine.bearings)
     for name, one in result.estimators.items():
-        if any(max(each_of(e)) > gap for e in one.evaluation.prediction.values()):
+        if any(max(values_of(e)) > gap for e in one.evaluation.prediction.values()):
             yield (
                 f"{name}: predicts beyond the air gap, {figure(gap, 'm', 4)}: the "
                 "model does not hold over so long a time; the rotor is in contact or held in "

@@ -12,7 +12,7 @@ from typing import Any
 
 from ambkit import arguments
 from ambkit.base.errors import AmbkitError, ConfigError
-from ambkit.base.quantity_arguments import Given, all_of_type, in_si, names_in, of_type
+from ambkit.base.quantity_arguments import QuantityLike, all_of_type, in_si, names_in, of_type
 from ambkit.data.reading import load
 from ambkit.data.record import Record
 from ambkit.estimate.estimator import Estimator
@@ -68,7 +68,7 @@ def identify(
     names: Sequence[str] | None = None,
     rest: StandstillNoise | None = None,
     free: Iterable[str] | None = None,
-    load_std: Given | None = None,
+    load_std: QuantityLike | None = None,
     map_forces: bool = False,
     nodes: tuple[int, int] | None = None,
     note: Callable[[str], None] = lambda _text: None,
@@ -185,7 +185,7 @@ class IdentifiedCorpus(Corpus):
     def filter(self) -> Estimator:
         """The extended filter of the pooled parameters."""
         made, raised = filter_following_load(self.machine, self.model.disturbance_noise)
-        origin = made_by("identify", f"likelihood of {len(self.found)} logs")
+        origin = made_by("identify", f"likelihood of {len(self.by_log)} logs")
         keys = ("noise.measurement", "noise.control", "noise.disturbance") * self.machine.single
         made.origin = dict.fromkeys(keys, origin) | raised
         return made

@@ -40,7 +40,7 @@ class Robust(Result):
     quantile: float
     max_sensitivity: float
     free: tuple[Range, ...]  #: Tunables and their ranges.
-    tried: tuple[Evaluated, ...]  #: All evaluations in order; the first is the untuned design.
+    candidates: tuple[Evaluated, ...]  #: All evaluations in order; the first is the untuned design.
     taken: int  #: Selected evaluation: the smallest error among the feasible.
     estimator: Estimator  #: Its filter, designed for the nominal machine.
     #: Its controller; machines of several axes keep those of the scenario.
@@ -59,17 +59,17 @@ class Robust(Result):
     @property
     def front(self) -> NDArray[np.bool_]:
         """Whether no other evaluation is better in both error and peak (n,)."""
-        return pareto([(item.error, item.peak) for item in self.tried])
+        return pareto([(item.error, item.peak) for item in self.candidates])
 
     @property
     def _ends(self) -> tuple[Evaluated, Evaluated]:
         """The untuned and the selected design."""
-        return self.tried[0], self.tried[self.taken]
+        return self.candidates[0], self.candidates[self.taken]
 
     @property
     def kind(self) -> str:
         """Kind of the selected filter."""
-        return self.tried[self.taken].kind
+        return self.candidates[self.taken].kind
 
     @property
     def title(self) -> str:
@@ -104,7 +104,7 @@ class Robust(Result):
                 Row("peak", "peak of |S|", one.peak, "|S|", below=self.max_sensitivity),
                 *validation[1:],
             ], section=("values",), of=of)  # fmt: skip
-        best = [one for one, on in zip(self.tried, self.front, strict=True) if on]
+        best = [one for one, on in zip(self.candidates, self.front, strict=True) if on]
         for place, one in enumerate(sorted(best, key=lambda entry: entry.peak), 1):
             results += put([
                 Row("peak", "peak of |S|", one.peak, "|S|"),
@@ -127,7 +127,7 @@ class Robust(Result):
             "bounds": {r.name: {"low": r.low, "high": r.high, "default": r.default,
                                 "unit": r.unit} for r in self.free},
             "tried": [item._asdict() | {"values": dict(item.values), "front": bool(on)}
-                      for item, on in zip(self.tried, self.front, strict=True)],
+                      for item, on in zip(self.candidates, self.front, strict=True)],
         }  # fmt: skip
 
     @property
@@ -155,8 +155,9 @@ class Robust(Result):
         return [front_figure(
             f"{markdown(self.plan.study.name)}: {100 * self.quantile:g} % of the machines are no "
             "worse",
-            [item.error for item in self.tried], [item.peak for item in self.tried], self.front,
-            np.array([item.allowed for item in self.tried]), self.max_sensitivity, self.taken,
+            [item.error for item in self.candidates], [item.peak for item in self.candidates],
+            self.front,
+            np.array([item.allowed for item in self.candidates]), self.max_sensitivity, self.taken,
         )]  # fmt: skip
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:

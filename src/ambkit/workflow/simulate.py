@@ -14,7 +14,7 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import is_class
-from ambkit.base.quantity_arguments import Given, in_si, of_type
+from ambkit.base.quantity_arguments import QuantityLike, in_si, of_type
 from ambkit.base.units import figure
 from ambkit.control.controllers import controllers_of
 from ambkit.control.default_control import is_default
@@ -55,9 +55,9 @@ def scenario_for(
     machine: Machine,
     scenario: Scenario | str | os.PathLike[str] | None = None,
     *,
-    duration: Given | None = None,
-    step: Given | None = None,
-    load: Given | None = None,
+    duration: QuantityLike | None = None,
+    step: QuantityLike | None = None,
+    load: QuantityLike | None = None,
     seed: int | None = None,
     reference: str | Path | None = None,
     injection: str | Path | None = None,
@@ -151,7 +151,7 @@ def with_plant(scenario: Scenario, plant: Any, machine: Machine) -> tuple[Scenar
     return scenario, true_magnet(plant, machine)
 
 
-def flown(
+def simulate_with_filter(
     machine: Machine, scenario: Any, filter: Any, *, plant: Any, signals: Sequence[Any],
     external_inputs: ExternalInputs | None,
     **settings: Any,

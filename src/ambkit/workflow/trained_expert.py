@@ -71,7 +71,7 @@ class TrainedExpert(Result):
     measured: MeasuredForce | None = None  #: None if it was trained on the force law.
     #: Cross-validation of law, surface and network; None with too few points.
     models: ModelChoice | None = None
-    asked: str | None = None  #: Model requested by the user.
+    requested: str | None = None  #: Model requested by the user.
     source: str | os.PathLike[str] | None = None  #: File or preset of the machine.
 
     @property
@@ -80,12 +80,12 @@ class TrainedExpert(Result):
         # ``"the law"``, ``"the law, refitted"``, ``"the surface"`` or ``"the network"``; the
         # network without points, or with too few for cross-validation.
         models = self.models
-        if self.asked == "law":
+        if self.requested == "law":
             if models is None:
                 return LAW if self.measured is None else REFITTED
             return LAW if models[LAW].worse <= models[REFITTED].worse else REFITTED
-        if self.asked is not None:
-            return f"the {self.asked}"
+        if self.requested is not None:
+            return f"the {self.requested}"
         return NETWORK if models is None else models.chosen.name
 
     @property
@@ -290,7 +290,7 @@ class TrainedExpert(Result):
             results.append(
                 f"{self.taken} is better at points left out and is used: --out FILE{form} "
                 f"writes it, --model network uses the network nevertheless"
-                if self.asked is None
+                if self.requested is None
                 else f"the filter uses {self.taken}: --out FILE{form} writes it"
             )
         return [*results, *sentences(self.adequacy)]

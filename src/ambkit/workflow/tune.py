@@ -26,7 +26,7 @@ from ambkit.estimate.registry import get_kind, learned_magnet
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.criteria import EVALUATED
-from ambkit.judge.comparison.tuning import Candidate, Range, Tried, candidate_of_kind, search
+from ambkit.judge.comparison.tuning import Candidate, Costed, Range, candidate_of_kind, search
 from ambkit.judge.contact import stop_notes
 from ambkit.judge.loop.loop_builder import InfeasibleError, LoopBuilder, zone_of
 from ambkit.machine.machine import Machine
@@ -71,7 +71,7 @@ class Tuned(Result):
     free: tuple[Range, ...]  #: Tunables and their ranges.
     #: All evaluations in order: values, and their cost. By likelihood the cost is minus the mean
     #: log likelihood of a sample; by truth, the mean error over that of the untuned linear filter.
-    trace: tuple[Tried, ...]
+    trace: tuple[Costed, ...]
     #: Tuned values by name, in SI. By likelihood the process noise is the largest consistent with
     #: the records: with a constant load the likelihood cannot bound it from below.
     values: Mapping[str, float]
@@ -121,7 +121,7 @@ class Tuned(Result):
     def _peak_with(self, values: Mapping[str, float]) -> float:
         """Return the peak with other values of the tunables."""
         machine = self.estimator.machine
-        built = candidate_of_kind(self.kind, machine, self.magnet, whole=True).build(**values)
+        built = candidate_of_kind(self.kind, machine, self.magnet, all_noise=True).build(**values)
         return self._loop.peak(built) if tells(built) else math.nan
 
     @cached_property
@@ -234,7 +234,7 @@ def tune(
     logs = all_of_type(Record, records=records)
     validate = all_of_type(Record, validate=validate)
     magnet = learned_magnet(kind, machine) if magnet is None else magnet
-    candidate = candidate_of_kind(kind, machine, magnet, whole=True)
+    candidate = candidate_of_kind(kind, machine, magnet, all_noise=True)
     task = (
         LikelihoodObjective(machine, logs, validate)
         if logs
@@ -248,7 +248,9 @@ def tune(
     if max_sensitivity is not None:
         loop.check(trials.build(), max_sensitivity)
     optimum = search(chosen, trials.cost, budget, seeds.start, done)
-    evaluated = [Tried(t.values, real) for t, real in zip(optimum.tried, trials.costs, strict=True)]
+    evaluated = [
+        Costed(t.values, real) for t, real in zip(optimum.points, trials.costs, strict=True)
+    ]
     peaks = tuple(trials.peaks)
     untuned = trials.untuned_peak(evaluated, kind) if gives_estimate else math.nan
     limit = math.inf if max_sensitivity is None else max_sensitivity
@@ -267,7 +269,7 @@ def tune(
     if inputs is not None:
         estimator.inputs = inputs
     if use_tuned:
-        estimator.origin = origin_of(best.values, made_by("tune", task.said(source)))
+        estimator.origin = origin_of(best.values, made_by("tune", task.data_text(source)))
     warnings = [*_at_an_end(chosen, best.values), *task.warnings(estimator, use_tuned, after)]
     warnings += stop_notes(machine, estimator.name)
     if use_tuned and gives_estimate:
@@ -321,7 +323,7 @@ class _Trials:
         self.costs.append(self.task.cost(lambda: made, few=over > 1))
         return self.costs[-1] + (BEYOND * math.log(over) if over > 1 else 0.0)
 
-    def untuned_peak(self, evaluated: Sequence[Tried], kind: str) -> float:
+    def untuned_peak(self, evaluated: Sequence[Costed], kind: str) -> float:
         """Return the peak of |S| with the untuned filter; raises if none stabilises the loop."""
         peaks = self.peaks or [self.loop.peak(self.build())]
         if not math.isinf(peaks[0]):  # spares the search over all others

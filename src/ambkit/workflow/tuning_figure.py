@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ambkit.judge.comparison.tuning import Range, Tried
+from ambkit.judge.comparison.tuning import Costed, Range
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule
 
 HIGHEST_PEAK = 10.0  #: Upper end of the axis of the sensitivity peak.
@@ -16,7 +16,7 @@ WORST_SHOWN = 5.0  #: Range of the cost axis, in units of the difference between
 def tuning_figure(
     title: str,
     free: Sequence[Range],
-    trace: Sequence[Tried],
+    trace: Sequence[Costed],
     chosen_values: Mapping[str, float],
     cost: str,
     outcome: str,
@@ -37,7 +37,7 @@ def tuning_figure(
             Axis(of.name, of.unit, scale="log", limits=(of.low, of.high)),
             Axis(cost, limits=limits),
             [
-                Points(values[others], costs[others], signal="constant", label="tried"),
+                Points(values[others], costs[others], signal="constant", label="evaluated"),
                 Points(values[:1], costs[:1], signal="measurement", label="untuned"),
                 Rule(chosen_values[of.name], axis="x", signal="estimate", label="taken"),
             ],
@@ -50,7 +50,7 @@ def tuning_figure(
         order = indices[np.lexsort((costs[indices], size[indices]))]
         front = order[costs[order] <= np.minimum.accumulate(costs[order])]
         items: list[Item] = [
-            Points(size[indices], costs[indices], signal="constant", label="tried"),
+            Points(size[indices], costs[indices], signal="constant", label="evaluated"),
             Line(size[front], costs[front], signal="series 3", label="Pareto front"),
         ]
         if visible[0] and size[0] < HIGHEST_PEAK:

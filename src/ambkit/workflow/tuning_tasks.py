@@ -13,13 +13,13 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.data.reading.faults import without_spikes
 from ambkit.data.record import Record
-from ambkit.data.signals import each_of
+from ambkit.data.signals import values_of
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.cases import CASES, Trial, loaded, trials
 from ambkit.judge.comparison.comparison import raw_error
-from ambkit.judge.comparison.tuning import SIGNALS, Candidate, Range, Tried, errors
+from ambkit.judge.comparison.tuning import SIGNALS, Candidate, Costed, Range, errors
 from ambkit.judge.evaluation import evaluate
 from ambkit.judge.load_following import least_process_noise
 from ambkit.machine.axes import slowest_time
@@ -94,10 +94,10 @@ class LikelihoodObjective:
         return (*NOISE, *own)
 
     def best(
-        self, evaluated: Sequence[Tried], free: Sequence[Range],
+        self, evaluated: Sequence[Costed], free: Sequence[Range],
         cost: Callable[[Mapping[str, float]], float],
         build: Callable[[Mapping[str, float]], Estimator],
-    ) -> Tried:  # fmt: skip
+    ) -> Costed:  # fmt: skip
         """Return the largest process noise consistent with the records (Edwards 1972)."""
         # With a constant load the likelihood cannot bound Q from below, and a filter with a small Q
         # follows no later load: Q is raised to the value for the stated load.
@@ -114,7 +114,7 @@ class LikelihoodObjective:
             values = {**best.values, noise_range.name: math.exp(middle)}
             at = cost(values)
             if at < allowed:
-                low, accepted_trial = middle, Tried(values, at)
+                low, accepted_trial = middle, Costed(values, at)
             else:
                 high = middle
         if cost({**best.values, noise_range.name: noise_range.low}) < allowed:  # constant load
@@ -124,7 +124,7 @@ class LikelihoodObjective:
             )  # fmt: skip
             if raised > result:
                 values = {**best.values, noise_range.name: raised}
-                accepted_trial = Tried(values, cost(values))
+                accepted_trial = Costed(values, cost(values))
         return accepted_trial
 
     def check(self, estimator: Estimator, kind: str) -> None:
@@ -154,7 +154,7 @@ class LikelihoodObjective:
         parts = [evaluate(build(), r, settling=self.settling) for r in self.unseen]
 
         def pooled(values: Iterable[Any]) -> float:
-            return float(np.sqrt(np.mean([np.square(list(each_of(v))) for v in values])))
+            return float(np.sqrt(np.mean([np.square(list(values_of(v))) for v in values])))
 
         results = {
             self.judge: self._unlikely(e.estimate for e in parts),
@@ -167,7 +167,7 @@ class LikelihoodObjective:
                 results[f"error of {name}"] = pooled(e.rmse[name] for e in parts)
         return results
 
-    def said(self, source: str) -> str:
+    def data_text(self, source: str) -> str:
         """Return the data of the tuning in words."""
         return f"likelihood of {source or f'{len(self.seen)} records'}"
 
@@ -235,9 +235,9 @@ class SimulationObjective:
         )
 
     def best(
-        self, evaluated: Sequence[Tried], _free: Any, _cost: Any,
+        self, evaluated: Sequence[Costed], _free: Any, _cost: Any,
         build: Callable[[Mapping[str, float]], Estimator],
-    ) -> Tried:  # fmt: skip
+    ) -> Costed:  # fmt: skip
         """Return the best of several axes, in all runs and with all modes."""
         best = sorted(evaluated, key=lambda entry: entry.cost)
         if len(self.machine.axes) == 1:
@@ -284,7 +284,7 @@ class SimulationObjective:
         """Return the rms error of the sensors along the axes in the validation runs [m]."""
         return raw_error(self.machine, [trial.record for trial in self.unseen], self.first)
 
-    def said(self, source: str) -> str:
+    def data_text(self, source: str) -> str:
         """Return the data of the tuning in words."""
         return f"errors in {len(self.seen)} simulated runs of {self.machine.name}"
 

@@ -119,7 +119,7 @@ def _drop_duplicates(lines: list[str]) -> list[tuple[int, str]]:
     problems: list[tuple[int, str]] = []
     seen: set[Path] = set()
     for path, at in list(_key_lines("\n".join(lines))):
-        if path in seen and not _TABLE.match(lines[at - 1]) and _is_whole(lines[at - 1]):
+        if path in seen and not _TABLE.match(lines[at - 1]) and _is_complete(lines[at - 1]):
             key = lines[at - 1].partition("=")[0].strip()
             problems.append((at, f"{key}: is written twice in this table"))
             lines[at - 1] = ""
@@ -133,23 +133,23 @@ def _mend(line: str, message: str) -> tuple[str | None, str]:
     if message.startswith("an integer"):
         return None, f"{key:.{_SHOWN}}: {message}"
     bare = _BARE_VALUE.match(line)
-    if bare and not _is_whole(line):
+    if bare and not _is_complete(line):
         value = bare["value"]
         meant = value.lower() if value.lower() in ("true", "false") else f'"{value}"'
         mended = f"{bare['start']}{meant}{line[bare.end() :]}"
-        if _is_whole(mended):
+        if _is_complete(mended):
             quotes = "" if meant == value.lower() else " in quotes"
             return mended, f"{key}: write it{quotes}: {key} = {meant}"
     table = _TABLE.match(line)
     if table and message.startswith("Cannot"):
         return None, f"[{table[1]}] is written twice, or is also a key"
     if message == "Cannot overwrite a value":
-        return ("" if _is_whole(line) else None), f"{key}: is written twice in this table"
+        return ("" if _is_complete(line) else None), f"{key}: is written twice in this table"
     excerpt = line.strip() if len(line.strip()) <= _SHOWN else f"{line.strip():.{_SHOWN}}..."
     return None, f"not valid TOML: {message[:1].lower()}{message[1:]}: {excerpt}"
 
 
-def _is_whole(line: str) -> bool:
+def _is_complete(line: str) -> bool:
     """Return whether the line is valid TOML by itself, so that a change does not affect others."""
     try:
         return bool(_loads(line))

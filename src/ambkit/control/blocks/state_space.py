@@ -138,8 +138,8 @@ class StateSpace(Block):
         return [[*row[:3].tolist(), *row[4:].tolist()] for row in rows]
 
 
-def as_block(given: Any) -> Any:
+def as_block(value: Any) -> Any:
     """Convert a system of python-control into a block."""
-    if isinstance(given, Block | dict):
-        return given
-    return StateSpace.of(given) if hasattr(given, "A") or hasattr(given, "num") else given
+    if isinstance(value, Block | dict):
+        return value
+    return StateSpace.of(value) if hasattr(value, "A") or hasattr(value, "num") else value

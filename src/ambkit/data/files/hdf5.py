@@ -8,7 +8,7 @@ from ambkit.base import memory_limit
 from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError, library, shortened
 from ambkit.base.escaping import one_line
-from ambkit.data.files.log import Log, Request, check_readable, library_errors, whole_numbers
+from ambkit.data.files.log import Log, Request, check_readable, integers, library_errors
 from ambkit.data.files.timestamps import layouts_of
 
 _LESS = " a channel map that names fewer data sets takes less;"
@@ -39,7 +39,7 @@ def read(path: str, request: Request) -> Log:
                 if is_text and (name in request.texts or layouts_of(cells)):
                     stamped[name] = cells
                 continue
-            arrays[name], remark = whole_numbers(name, values)
+            arrays[name], remark = integers(name, values)
             remarks += remark
             unit = next((data.attrs[k] for k in _UNIT_NAMES if k in data.attrs), None)
             if unit is not None and part is None:

@@ -90,7 +90,7 @@ def too_coarse(values: Array) -> bool:
     return bool(np.finfo(np.float64).eps * largest > 1e-6 * np.median(rising))
 
 
-def whole_numbers(name: str, values: NDArray[Any]) -> tuple[Array, list[str]]:
+def integers(name: str, values: NDArray[Any]) -> tuple[Array, list[str]]:
     """Convert integers (n,) to float64; times that would lose digits are relative to the first."""
     numbers = np.asarray(values, dtype=np.float64)
     if values.dtype.kind not in "iu" or values.ndim != 1 or not too_coarse(numbers):

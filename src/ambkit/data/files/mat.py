@@ -17,7 +17,7 @@ from ambkit.base import memory_limit
 from ambkit.base.errors import RecordError, library
 from ambkit.base.escaping import one_line
 from ambkit.data.files.hdf5 import check_within, memory_of
-from ambkit.data.files.log import Log, Request, check_readable, library_errors, whole_numbers
+from ambkit.data.files.log import Log, Request, check_readable, integers, library_errors
 from ambkit.data.files.timestamps import layouts_of
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -45,7 +45,7 @@ def read(path: str, request: Request) -> Log:
     remarks = closed
     for name, values in arrays.items():
         if values.dtype.kind in "iu" and values.size == max(values.shape):
-            arrays[name], remark = whole_numbers(name, values.ravel())
+            arrays[name], remark = integers(name, values.ravel())
             remarks += remark
     numbers = {name: np.asarray(values, dtype=np.float64) for name, values in arrays.items()}
     chosen = numbers
@@ -93,7 +93,7 @@ def _content(path: str) -> dict[str, Any]:
 
     with library_errors(path):
         packed = _unpacked(Path(path))
-        memory_limit.check(path, packed, whole=False)
+        memory_limit.check(path, packed, exact=False)
         memory_limit.check(path, _memory_of(path, packed))
         return dict(loadmat(path))
 

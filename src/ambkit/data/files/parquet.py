@@ -17,9 +17,9 @@ from ambkit.data.files.log import (
     Request,
     check_readable,
     column_names,
+    integers,
     library_errors,
     noted,
-    whole_numbers,
 )
 from ambkit.data.files.timestamps import layouts_of, unwrapped
 
@@ -163,7 +163,7 @@ def _numbers(column: "ChunkedArray", place: str) -> tuple[Array, list[str]]:
         if pa.types.is_temporal(kind) and hasattr(kind, "unit"):
             return _seconds(column, place)
         if pa.types.is_integer(kind) and column.null_count == 0:
-            return whole_numbers(place.rpartition(": column ")[2], column.to_numpy())
+            return integers(place.rpartition(": column ")[2], column.to_numpy())
         numbers = column if pa.types.is_float64(kind) else column.cast(pa.float64())
     except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
         raise RecordError(f"{place} holds {kind}, not numbers") from None
@@ -176,8 +176,8 @@ def _seconds(column: "ChunkedArray", place: str) -> tuple[Array, list[str]]:
 
     kind = column.type
     there = np.asarray(column.is_valid().to_numpy(), dtype=bool)
-    integers = pa.int32() if pa.types.is_time32(kind) else pa.int64()
-    ticks = np.asarray(column.cast(integers).drop_null().to_numpy(), dtype=np.int64)
+    integer_type = pa.int32() if pa.types.is_time32(kind) else pa.int64()
+    ticks = np.asarray(column.cast(integer_type).drop_null().to_numpy(), dtype=np.int64)
     a_second = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[kind.unit]
     seconds = np.full(len(column), np.nan)
     if not ticks.size:

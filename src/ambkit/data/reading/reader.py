@@ -13,7 +13,7 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError, shortened
-from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.base.quantity_arguments import QuantityLike, in_si
 from ambkit.base.units import engineering, figure
 from ambkit.data.channel_map import ChannelMap, MappedSignals
 from ambkit.data.files.log import DamagedLog, Log
@@ -93,7 +93,7 @@ def read(
     map: ChannelMap | str | os.PathLike[str] | None = None,
     *,
     resample: bool = False,
-    sampling_time: Given | None = None,
+    sampling_time: QuantityLike | None = None,
     segment: int | None = None,
     missing: Collection[str] = (),
     progress: Callable[[str], object] = lambda _: None,
@@ -246,7 +246,9 @@ def _mapped(
     """Read a log, and select its signals; a table with names and units needs no map."""
     if channel_map is not None and not isinstance(channel_map, ChannelMap):
         channel_map = ChannelMap.load(channel_map)
-    selection, texts = (channel_map.wanted, channel_map.texts) if channel_map else (None, ())
+    selection, texts = (
+        (channel_map.columns_needed, channel_map.texts) if channel_map else (None, ())
+    )
     error: RecordError | None = None
     damaged: tuple[int, ...] = ()
     try:

@@ -151,8 +151,8 @@ def context(
     return {
         "control_bound": control_bound,
         "current_bound": current_bound,
-        "law_said": f"{scenario.controller.type}, fed by the {scenario.feedback}" if several
-        else _said(controller),
+        "law_text": f"{scenario.controller.type}, fed by the {scenario.feedback}" if several
+        else _controller_text(controller),
         "controller": in_c(of, precision) | {
             "bias": c_literals.array(bias, precision)
             if several
@@ -206,7 +206,7 @@ def _levitated(controller: Controller, scenario: Scenario, precision: CPrecision
     }
 
 
-def _said(controller: Controller) -> str:
+def _controller_text(controller: Controller) -> str:
     pid = controller.pid
     if pid.type == "lqg":
         return "linear-quadratic regulator of the estimated states"

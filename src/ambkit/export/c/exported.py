@@ -82,7 +82,7 @@ class Export:
         return None if called is PAPER and usual else called
 
     @property
-    def given(self) -> bool:
+    def constant_stiffness(self) -> bool:
         """Whether the paper's filter has constant stiffnesses, without a magnet."""
         return self.in_core is None and self.kinds[0].type == "amb_stiffness"
 
@@ -99,7 +99,7 @@ class Export:
         return model.c_model(self.filter, loops=self.rebuilt or self.loops, speeds=self.speeds)
 
     @cached_property
-    def flown(self) -> dict[str, Any]:
+    def controller_context(self) -> dict[str, Any]:
         """Template variables of the controller."""
         if self.controller is None or self.scenario is None:
             return {}
@@ -139,7 +139,7 @@ class Export:
         """Files of the core."""
         needed = ["src/kalman.c", "src/envelope.c", "src/equilibrium.c"]
         needed += ["include/ambkit/crc.h", "include/ambkit/root.h"]
-        needed += [] if self.given else [f"src/{kind.source}.c" for kind in self.kinds]
+        needed += [] if self.constant_stiffness else [f"src/{kind.source}.c" for kind in self.kinds]
         if self.in_core is not None:
             stems = ("estimator", self.in_core.source, *self.in_core.calls)
             needed += [f"src/{stem}.c" for stem in stems]
@@ -267,8 +267,8 @@ def crc(export: Export) -> Crc:
             constants.array(f"{name}_{key}", values)
     for k, magnet in enumerate(export.magnets):
         place = f"magnet_{k}" if export.several else "magnet"
-        constants.fields(f"{name}_stiffness" if export.given else place, magnet.parameters,
-                         arrays=False)  # fmt: skip
+        place = f"{name}_stiffness" if export.constant_stiffness else place
+        constants.fields(place, magnet.parameters, arrays=False)
     constants.fields("own", filter.core.own, arrays=True)
     if export.controller is not None:
         control.constants(export.controller, name, constants)

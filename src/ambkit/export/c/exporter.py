@@ -10,7 +10,7 @@ from typing import Any
 
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError
-from ambkit.base.quantity_arguments import Given, in_si, of_type
+from ambkit.base.quantity_arguments import QuantityLike, in_si, of_type
 from ambkit.base.units import engineering
 from ambkit.control.control import Control, LiftOff
 from ambkit.control.controller_states import Controller
@@ -152,7 +152,7 @@ class FilterCost(Result):
     SECTIONS = {("cost",): Section("Cost on a Cortex-M4F, measured in qemu")}
 
 
-def filter_cost(filter: Estimator, clock: Given) -> FilterCost:
+def filter_cost(filter: Estimator, clock: QuantityLike) -> FilterCost:
     """Return the measured cost of a filter in float."""
     frequency = in_si("clock", clock, "Hz")
     if not frequency > 0:

@@ -41,7 +41,7 @@ class Proof:
     tool: str  #: Frama-C's version.
 
     @property
-    def whole(self) -> bool:
+    def complete(self) -> bool:
         """Whether nothing remained."""
         return self.finite == self.any == self.open == 0
 

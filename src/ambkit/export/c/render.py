@@ -109,11 +109,11 @@ def _context(export: Export) -> dict[str, Any]:
     context = {
         "controller": None,
         "base_of_calibration": None,
-        "flown": None if one is None else export.flown,
+        "flown": None if one is None else export.controller_context,
         **_names(export),
         **_tested(export),
         **_numbers(export),
-        **export.flown,
+        **export.controller_context,
         "controlled": export.beside,
         "crc": exported.crc(export),
     }  # fmt: skip
@@ -161,10 +161,10 @@ def _names(export: Export) -> dict[str, Any]:
         "u_given": "const amb_real u_previous[AMB_CONTROLS]" if several else "amb_real u_previous",
         "sources": export.sources,
         "calibrated": export.calibrated,
-        "bit_headers": _bit_headers(export.core_files, alone=export.one is None),
+        "bit_headers": _bit_headers(export.core_files, filter_only=export.one is None),
         "cast_sources": _casts(export),
         "selftest_sources": export.tests,
-        "given": export.given,
+        "constant_stiffness": export.constant_stiffness,
         "in_core": in_core,
         "built_in": filter.engine.built_in,
         "strict": in_core is None and filter.engine.built_in,
@@ -197,7 +197,9 @@ def _tested(export: Export) -> dict[str, Any]:
         test_data = test_vectors.context(tested, filter, precision)
         searched = faults.tested(export, tested.si) if export.distinction else None
     else:
-        test_data = {key: export.flown["levitated"][key] for key in ("runs", "coverage")}
+        test_data = {
+            key: export.controller_context["levitated"][key] for key in ("runs", "coverage")
+        }
         searched = faults.of_controller(export) if export.distinction else None
     return {
         "bound": (_BOUNDS_OF_MACHINES if export.several else _BOUNDS)[precision],
@@ -304,7 +306,7 @@ def _assumed(filter: Estimator) -> dict[str, str]:
 
 def _casts(export: Export) -> tuple[str, ...]:
     """Return the files that cast from ``void *``, which MISRA C advises against."""
-    stems = [] if export.given else [export.kinds[0].source]
+    stems = [] if export.constant_stiffness else [export.kinds[0].source]
     if export.in_core is not None:
         stems += ["estimator", *export.in_core.casts]
         stems += ["control"] if export.controller is not None else []
@@ -312,11 +314,11 @@ def _casts(export: Export) -> tuple[str, ...]:
     return tuple(f"core/src/{stem}.c" for stem in sorted(stems))
 
 
-def _bit_headers(core_files: dict[str, str], *, alone: bool) -> list[str]:
-    """Return the headers in use that access a number's bits; `alone`: of a filter by itself."""
+def _bit_headers(core_files: dict[str, str], *, filter_only: bool) -> list[str]:
+    """Return the headers in use that access a number's bits; `filter_only`: no controller."""
     # A filter computes standard deviations; of a controller possibly only its self-test needs a
     # root.
-    root = alone or any('"ambkit/root.h"' in text for text in core_files.values())
+    root = filter_only or any('"ambkit/root.h"' in text for text in core_files.values())
     names = ("/exponential.h", "/crc.h", *(["/root.h"] if root else []))
     return [file for file in core_files if file.endswith(names) and "/include/" in file]
 

@@ -26,7 +26,7 @@ class ControllerStart(NamedTuple):
         return [1 + (item.magnet.type == "two-sided") for item in self.controller.plant.isolated]
 
 
-def flown(filter: Estimator, scenario: Scenario) -> ControllerStart:
+def controller_start(filter: Estimator, scenario: Scenario) -> ControllerStart:
     """Return the controller of :func:`ambkit.simulate`, with its start."""
     controller = control.controller_of(filter, scenario)
     isolated, nothing = controller.plant.isolated, np.zeros(len(controller.plant.isolated))

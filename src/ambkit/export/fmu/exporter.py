@@ -124,11 +124,11 @@ def _parts(kind: Kind, machine: Any, filter: Estimator, scenario: Scenario) -> _
         case "plant":
             return _plant(machine, scenario)
         case "closed-loop":
-            return _loop(filter, scenario, whole=more)
+            return _loop(filter, scenario, complete=more)
         case "controller":
             return _regulator(filter, scenario) if more else _pid(machine, scenario)
         case "whole-controller":
-            return _whole(filter, scenario)
+            return _complete_controller(filter, scenario)
 
 
 def _estimator(filter: Estimator) -> _Parts:
@@ -168,7 +168,7 @@ def _regulator(filter: Estimator, scenario: Scenario) -> _Parts:
             "kind controller has no lift-off: use kind whole-controller, or remove "
             "[sequence] out of the scenario"
         )
-    start = start_data.flown(filter, scenario)
+    start = start_data.controller_start(filter, scenario)
     source = "a filter" if start.controller.fed else "the sensors"
     about = f"The {_called(filter, scenario)} of {filter.machine.name}, fed by {source}"
     own = variables.of_regulator(start.controller, start.current)
@@ -176,9 +176,9 @@ def _regulator(filter: Estimator, scenario: Scenario) -> _Parts:
     return _Parts(about, "regulator", own, data, None)
 
 
-def _loop(filter: Estimator, scenario: Scenario, *, whole: bool) -> _Parts:
+def _loop(filter: Estimator, scenario: Scenario, *, complete: bool) -> _Parts:
     machine, controller = filter.machine, scenario.controller
-    start = start_data.flown(filter, scenario) if whole else None
+    start = start_data.controller_start(filter, scenario) if complete else None
     if start is not None:
         held = f"its whole controller: {filter.name}, {_called(filter, scenario)}"
         own = start_data.controller_data(start, "double")
@@ -186,19 +186,19 @@ def _loop(filter: Estimator, scenario: Scenario, *, whole: bool) -> _Parts:
         estimate = controller.feedback == "estimate"
         held = f"a PID controller that {f'the {filter.name}' if estimate else 'the sensor'} feeds"
         own = {"pid": sources.pid_data(machine, controller), "feedback_estimate": estimate}
-    model = "loop-flight" if whole else "loop-pid"
+    model = "loop-flight" if complete else "loop-pid"
     plant = rig.rig_data(machine, rig.RigStart.of(machine, scenario))
     data = sources.data_files(model, filter=sources.filter_data(filter), rig=plant, **own)
     own_variables = variables.of_loop(filter, controller, start)
     return _Parts(f"{machine.name}, held by {held}", model, own_variables, data, filter)
 
 
-def _whole(filter: Estimator, scenario: Scenario) -> _Parts:
-    start, law = start_data.flown(filter, scenario), _called(filter, scenario)
+def _complete_controller(filter: Estimator, scenario: Scenario) -> _Parts:
+    start, law = start_data.controller_start(filter, scenario), _called(filter, scenario)
     about = f"The whole controller of {filter.machine.name}: {filter.name}, {law}"
     of_controller = start_data.controller_data(start, c_literals.precision_of(filter))
     data = sources.data_files("flight", filter=sources.filter_data(filter), **of_controller)
-    return _Parts(about, "flight", variables.of_whole(filter, start), data, filter)
+    return _Parts(about, "flight", variables.of_complete_controller(filter, start), data, filter)
 
 
 def _called(filter: Estimator, scenario: Scenario) -> str:

@@ -186,7 +186,9 @@ def of_loop(
     )
 
 
-def of_whole(filter: Estimator, loop_controller: ControllerStart) -> tuple[Variable, ...]:
+def of_complete_controller(
+    filter: Estimator, loop_controller: ControllerStart
+) -> tuple[Variable, ...]:
     """Return the variables of a complete controller."""
     machine = filter.machine
     axes, demanded = _axes(machine), "control current that is demanded"

@@ -57,7 +57,7 @@ class Corpus(Result):
     start: LoopModel  #: Prior.
     model: LoopModel  #: Model with the pooled parameters.
     pooled: Pooled  #: Pooled parameters, errors, and scatter between logs.
-    found: Mapping[str, MaximumLikelihood]  #: Individual result of each log.
+    by_log: Mapping[str, MaximumLikelihood]  #: Individual result of each log.
     predictions: Sequence[Validation]  #: Prediction of each log by a model of the others.
     stretches: Mapping[str, Sequence[Stretch]]  #: Segmentation of each log.
     left_out: Mapping[str, str]  #: Logs that were not used, with reasons.
@@ -72,7 +72,7 @@ class Corpus(Result):
     @property
     def machine(self) -> Machine:
         """The identified machine: dead time, current lag, smallest quantisation of its logs."""
-        steps = [item.position_step for item in self.found.values()]
+        steps = [item.position_step for item in self.by_log.values()]
         known = [step for step in steps if step is not None]
         step = min(known) if known and len(known) == len(steps) else None
         has_noise = any(p.name == "measurement_noise" for p in self.pooled.parameters)
@@ -136,7 +136,9 @@ class Corpus(Result):
                 Row("scatter_between_logs", "scatter between logs", scatter,
                     "%" if one.positive else one.unit),
             ], section=("parameters",), of=name)  # fmt: skip
-            for log, value, error in zip(self.found, p.each[:, k], p.log_errors[:, k], strict=True):
+            for log, value, error in zip(
+                self.by_log, p.by_log[:, k], p.log_errors[:, k], strict=True
+            ):
                 error = float(error) * _scale(one, float(value))
                 result.append(Row(one.name, name, float(value), one.unit, of=log, error=error,
                                  section=("alone",)))  # fmt: skip
@@ -241,7 +243,7 @@ def identify_corpus(
         if remark:
             spikes[name] = remark
     stretches = {name: cut(record, start) for name, record in cleaned.items()}
-    flight_records, left_out = _flown(cleaned, stretches, start)
+    flight_records, left_out = _levitated_parts(cleaned, stretches, start)
     if len(flight_records) < FEWEST:
         why = "; ".join(f"{name}: {text}" for name, text in left_out.items())
         raise AmbkitError(
@@ -254,7 +256,7 @@ def identify_corpus(
     start = start.replace(substeps=1)
     start = start.replace(known={n: v for n, v in priors_of(start).items() if n in free})
     names = list(flight_records)
-    result = _each(flight_records, start, free, note)
+    result = _identify_each(flight_records, start, free, note)
     for name in [name for name in names if isinstance(result[name], str)]:
         left_out[name] = str(result.pop(name))
         names.remove(name)
@@ -324,7 +326,7 @@ def _together(results: Sequence[MaximumLikelihood], start: LoopModel) -> tuple[P
     return pooled, start.replace(**values, sensor__hum=(*start.isolated.sensor.hum, *shared))
 
 
-def _flown(
+def _levitated_parts(
     records: Mapping[str, Record], stretches: Mapping[str, list[Stretch]], start: LoopModel
 ) -> tuple[dict[str, list[Record]], dict[str, str]]:
     """Return the levitated parts of each log, and the reasons why others have none."""
@@ -352,7 +354,7 @@ def _flown(
     return flight_records, left_out
 
 
-def _each(
+def _identify_each(
     flight_records: Mapping[str, list[Record]],
     start: LoopModel,
     free: Sequence[str],

@@ -35,7 +35,7 @@ class Pooled:
     errors: Array
     #: (p,) Standard deviation between logs beyond their own errors, in the same units.
     scatter: Array
-    each: Array  #: (logs, p) Values of each log; NaN if a log holds the parameter.
+    by_log: Array  #: (logs, p) Values of each log; NaN if a log holds the parameter.
     log_errors: Array
 
     def __getitem__(self, name: str) -> float:

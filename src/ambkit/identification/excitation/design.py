@@ -99,7 +99,7 @@ class Design(Result):
     record: Record  #: Simulated experiment, with noise.
     limits: Limits  #: Its limits.
     expectation: Expectation  #: Expected information.
-    tried: Sequence[tuple[Band, float]]  #: (band, certainty) Candidate bands.
+    candidates: Sequence[tuple[Band, float]]  #: (band, certainty) Candidate bands.
     axis: str = ""  #: Axis of the reference, if there are several.
 
     @property
@@ -174,7 +174,7 @@ class Design(Result):
             "disturbance_noise": self.expectation.model.disturbance_noise,
             "expected": self.expectation.to_dict(),
             "bands": [
-                {"band": list(band), "certainty": certainty} for band, certainty in self.tried
+                {"band": list(band), "certainty": certainty} for band, certainty in self.candidates
             ],
         }
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ambkit.base.arrays import Array, Bools, real
 from ambkit.base.pickling import Copyable
-from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.base.quantity_arguments import QuantityLike, in_si
 from ambkit.data.record import Record
 from ambkit.identification.dead_time import acting
 from ambkit.machine.machine import Machine
@@ -217,8 +217,8 @@ class Adaline(OnlineIdentifier[AdalineResult]):
         self,
         machine: Machine,
         *,
-        start: Given | None = None,
-        bandwidth: Given | None = None,
+        start: QuantityLike | None = None,
+        bandwidth: QuantityLike | None = None,
         rate_force: float = 0.05,
         rate_k: float = 0.002,
         least_excitation: float = 0.02,
@@ -232,7 +232,7 @@ class Adaline(OnlineIdentifier[AdalineResult]):
         self.core = core_module().Adaline(**settings, rate_k=rate_k)
 
 
-def start_of(machine: Machine, start: Given | None) -> float:
+def start_of(machine: Machine, start: QuantityLike | None) -> float:
     """Return the initial magnet constant [N m^2/A^2], by default the machine's."""
     start = machine.magnet.magnet_constant if start is None else in_si("start", start, CONSTANT)
     if not 0 < start < math.inf:
@@ -242,8 +242,8 @@ def start_of(machine: Machine, start: Given | None) -> float:
 
 def first_element(
     machine: Machine,
-    start: Given | None,
-    bandwidth: Given | None,
+    start: QuantityLike | None,
+    bandwidth: QuantityLike | None,
     rate_force: float,
     least_excitation: float,
 ) -> dict[str, Any]:

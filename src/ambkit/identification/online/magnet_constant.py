@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
-from ambkit.base.quantity_arguments import Given
+from ambkit.base.quantity_arguments import QuantityLike
 from ambkit.data.record import Record
 from ambkit.estimate.augmented import AugmentedKalmanFilter
 from ambkit.estimate.estimate import Estimate, Status
@@ -77,8 +77,8 @@ class RecursiveLeastSquares(OnlineIdentifier[LeastSquaresResult]):
         self,
         machine: Machine,
         *,
-        start: Given | None = None,
-        bandwidth: Given | None = None,
+        start: QuantityLike | None = None,
+        bandwidth: QuantityLike | None = None,
         rate_force: float = 0.05,
         forgetting: float = 0.998,
         least_excitation: float = 0.02,
@@ -133,7 +133,9 @@ class AugmentedIdentifier:
     # It estimates the disturbance as a random walk; a known disturbance is only subtracted from the
     # result.
 
-    def __init__(self, machine: Machine, *, start: Given | None = None, **options: Any) -> None:
+    def __init__(
+        self, machine: Machine, *, start: QuantityLike | None = None, **options: Any
+    ) -> None:
         constant = start_of(machine, start)
         self.machine = machine.replace(**machine.magnet.with_constant(constant))
         self.kalman = AugmentedKalmanFilter(self.machine, **options)

@@ -186,11 +186,11 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
             disturbance=tuple(Disturbance.model_construct(axis=name, force=load)
                               for name, load in loads.items()),
         )  # fmt: skip
-        given = _beside(case, plant, scenario)
-        record = simulate(plant, scenario, estimator=known, external_inputs=given)
+        external_inputs = _beside(case, plant, scenario)
+        record = simulate(plant, scenario, estimator=known, external_inputs=external_inputs)
         truth = {signal("f_d", name): walk for name, walk in walks.items()}
         record = replace(record, signals={**record.signals, **truth})
-        yield Trial(plant, scenario, given, None, record)
+        yield Trial(plant, scenario, external_inputs, None, record)
 
 
 @lru_cache(maxsize=4)

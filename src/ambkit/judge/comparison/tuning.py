@@ -102,7 +102,7 @@ def expand(text: str) -> list[str]:
 
 
 def candidate_of_kind(
-    name: str, machine: Machine, magnet: MagnetModel | None = None, *, whole: bool = False
+    name: str, machine: Machine, magnet: MagnetModel | None = None, *, all_noise: bool = False
 ) -> Candidate:
     """Return a kind of estimator as a candidate."""
     kind = KINDS[name]
@@ -120,7 +120,7 @@ def candidate_of_kind(
         return kind.make(machine, magnet, noise=FilterNoise(**noise), **rest)
 
     free = {t.name: t for t in kind.tunable}
-    if not whole and {"noise.control", "noise.disturbance"} <= free.keys():
+    if not all_noise and {"noise.control", "noise.disturbance"} <= free.keys():
         free.pop("noise.measurement", None)
     try:
         defaults = {name: tunable.default(machine) for name, tunable in free.items()}
@@ -194,10 +194,10 @@ def tune(
 
     done = search(candidate.tunable, cost, budget, seed)
     best = done.best
-    return Tuning(best.values, best.cost, done.tried[0].cost, len(done.tried))
+    return Tuning(best.values, best.cost, done.points[0].cost, len(done.points))
 
 
-class Tried(NamedTuple):
+class Costed(NamedTuple):
     """Values of the tunables, and their cost."""
 
     values: Mapping[str, float]
@@ -207,12 +207,12 @@ class Tried(NamedTuple):
 class Search(NamedTuple):
     """All evaluations in order; the defaults first."""
 
-    tried: Sequence[Tried]
+    points: Sequence[Costed]
 
     @property
-    def best(self) -> Tried:
+    def best(self) -> Costed:
         """The least cost; the first of equals, so the defaults if nothing is better."""
-        return min(self.tried, key=lambda item: item.cost)
+        return min(self.points, key=lambda item: item.cost)
 
 
 def search(
@@ -224,14 +224,14 @@ def search(
 ) -> Search:
     """Return the values of least cost, with a fixed number of evaluations."""
     # See `tune` for the method.
-    trials: list[Tried] = []
+    trials: list[Costed] = []
 
     def at(point: Array) -> float:
         values = {
             item.name: item.low * (item.high / item.low) ** share if trials else item.default
             for item, share in zip(tunable, np.clip(point, 0, 1).tolist(), strict=True)
         }
-        trials.append(Tried(values, cost(values)))
+        trials.append(Costed(values, cost(values)))
         done()
         return trials[-1].cost
 

@@ -144,7 +144,7 @@ def _reads(y: Callable[[np.finfo], float]) -> Callable[[Channel, slice], None]:
     return put
 
 
-def _told(u: Callable[[np.finfo], float]) -> Callable[[Channel, slice], None]:
+def _set_control(u: Callable[[np.finfo], float]) -> Callable[[Channel, slice], None]:
     return lambda channel, window: channel.tell(window, u(channel.real))
 
 
@@ -188,11 +188,11 @@ FAULTS = {
         Fault("infinite-y", "the sensor reads infinity", _reads(lambda _: np.inf), own=0.5),
         Fault("denormal-y", "the sensor reads the smallest number",
               _reads(lambda real: float(real.smallest_subnormal)), own=0.5),
-        Fault("nan-u", "the control signal is NaN", _told(lambda _: np.nan), own=_LONGEST),
-        Fault("infinite-u", "the control signal is infinite", _told(lambda _: np.inf),
+        Fault("nan-u", "the control signal is NaN", _set_control(lambda _: np.nan), own=_LONGEST),
+        Fault("infinite-u", "the control signal is infinite", _set_control(lambda _: np.inf),
               own=_LONGEST),
         Fault("greatest-u", "the control signal is the largest number",
-              _told(lambda real: float(real.max)), own=_LONGEST),
+              _set_control(lambda real: float(real.max)), own=_LONGEST),
         Fault("overdriven", "the filter receives 100 times the current limit", _overdriven,
               own=_LONGEST),
         Fault("long-saturation", "the filter receives 20 times the control signal",

@@ -135,7 +135,9 @@ class LoopBuilder:
         feedback: Literal["measurement", "estimate"] = "estimate" if estimator else "measurement"
         return pids_of(self.machine, self.control_for(estimator), feedback)
 
-    def flown_by(self, estimator: Estimator | None, max_speed: float | None = None) -> Controllers:
+    def controllers_with(
+        self, estimator: Estimator | None, max_speed: float | None = None
+    ) -> Controllers:
         """Return the controllers as simulated, fed by an estimator or the measurement."""
         if self._law is not None:
             return self._law
@@ -151,7 +153,7 @@ class LoopBuilder:
         """Return a sentence if unbalance control is off at the machine's speed."""
         if self.control.unbalance == "off":
             return None
-        turn = self.flown_by(estimator).unbalance_control
+        turn = self.controllers_with(estimator).unbalance_control
         if turn is None:
             return None
         speed = self.machine.speed
@@ -165,7 +167,7 @@ class LoopBuilder:
             return {}
         if control.type == "decentralised":
             return dict(zip(self.axes, self.fed_by(estimator), strict=True))
-        result = self.flown_by(estimator)
+        result = self.controllers_with(estimator)
         return {
             name or "x": PID(
                 kp=kp, ki=ki, kd=kd, derivative_filter=T_f, anti_windup=aw, setpoint_weight=b
@@ -176,7 +178,7 @@ class LoopBuilder:
     def with_plant(self, plant: Machine, estimator: Estimator | None) -> LoopBuilder:
         """Return the same controllers with estimate feedback and another plant."""
         control = self.control_for(estimator)
-        return LoopBuilder(plant, control, point=self.point, law=self.flown_by(estimator))
+        return LoopBuilder(plant, control, point=self.point, law=self.controllers_with(estimator))
 
     def at(self, point: OperatingPoint) -> LoopBuilder:
         """Return the same loop at another operating point."""
@@ -195,7 +197,7 @@ class LoopBuilder:
     def with_controllers(self, fed_by: Estimator | None, max_speed: float) -> LoopBuilder:
         """Return the same loop with its controllers selected up to a speed [rad/s]."""
         moved = copy(self)
-        moved._law = self.flown_by(fed_by, max_speed)
+        moved._law = self.controllers_with(fed_by, max_speed)
         return moved
 
     def with_unbalance(self, scale: float) -> LoopBuilder:
@@ -223,7 +225,7 @@ class LoopBuilder:
         self, estimator: Estimator | None
     ) -> tuple[LinearSystem | None, LinearSystem, Array]:
         """Return estimator, controllers, and the controllers' inputs by the readings (q, m)."""
-        control_law = self.flown_by(estimator)
+        control_law = self.controllers_with(estimator)
         control = controllers(control_law, self.machine, measured=estimator is None)
         transform = control_law.shown
         if estimator is None:
@@ -242,7 +244,7 @@ class LoopBuilder:
         # None if the loop were unstable then, and for a regulator, which has none.
         if self.control.needs_estimate or self.control_for(estimator).type == "lqg":
             return None
-        control_law = self.flown_by(estimator)
+        control_law = self.controllers_with(estimator)
         pids = control_law.pids_at(self.machine.speed)
         without = [[kp, 0.0, *rest] for kp, _ki, *rest in pids]
         control_law = replace(control_law, pids=without, schedule=None)

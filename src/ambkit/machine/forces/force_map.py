@@ -21,7 +21,7 @@ def surface_of(machine: IsolatedAxis) -> ForceSurface:
     law = tuple((key, getattr(m, key)) for key in LAW)
     box = machine.current_min, machine.current_max, machine.clearance
     constant = float(f"{m.magnet_constant / scale:.12g}")
-    result = _found(*_files(m.force_map, m.force_channels), constant, law, box)
+    result = _cached_surface(*_files(m.force_map, m.force_channels), constant, law, box)
     return result if scale == 1.0 else result.scaled(scale)
 
 
@@ -69,7 +69,7 @@ def _read(path: str, channels: str | None, _changed: tuple[int, ...]) -> ForcePo
 
 
 @lru_cache(maxsize=16)
-def _found(
+def _cached_surface(
     path: str,
     channels: str | None,
     changed: tuple[int, ...],

@@ -87,7 +87,9 @@ class ForceSurface(PatchedForce):
         if like is None:
             result = self._learned(at, law_error)
         else:
-            result = _Found(like.law_error, like._reach, 1.0 if known else float(like.scatter or 1))
+            result = _FittedParameters(
+                like.law_error, like._reach, 1.0 if known else float(like.scatter or 1)
+            )
             self.refitted = like.refitted
         self._law = self._base()
         self._at, off, error = self._off(at)
@@ -108,7 +110,7 @@ class ForceSurface(PatchedForce):
         error = np.ones_like(off) if known is None else known
         return _averaged((at - self._origin) / self._extent, off, error)
 
-    def _learned(self, at: Array, law_error: float | None) -> _Found:
+    def _learned(self, at: Array, law_error: float | None) -> _FittedParameters:
         """Select the law to correct and estimate its error, from some of the points."""
         share = np.linspace(0, 1, 41)
         box = np.meshgrid(*(self._origin + share * self._extent))
@@ -120,7 +122,7 @@ class ForceSurface(PatchedForce):
             places, off, error = self._off(at)
             few = np.random.default_rng(0).permutation(off.size)[:JUDGES]
             known, spread = self.points.standard_error is not None, self._law.force(*box)
-            learned, surprise = _found(
+            learned, surprise = _fitted(
                 places[:, few], off[few], error[few], known, float(np.std(spread)), law_error
             )
             # Schwarz 1978: two more parameters.
@@ -162,7 +164,7 @@ class ForceSurface(PatchedForce):
         return np.asarray((np.stack([iu.ravel(), x.ravel()]) - self._origin) / self._extent)
 
 
-class _Found(NamedTuple):
+class _FittedParameters(NamedTuple):
     law_error: float
     reach: Array
     scatter: float
@@ -183,7 +185,7 @@ def _alike(a: Array, b: Array, length_scale: Array) -> Array:
     return smooth(a, b, length_scale) + 1
 
 
-def _solved(at: Array, off: Array, error: Array, result: _Found) -> tuple[Array, Array]:
+def _solved(at: Array, off: Array, error: Array, result: _FittedParameters) -> tuple[Array, Array]:
     """Return the Cholesky factor of the points' covariance (n, n) [N], and the weights (n,)."""
     # The weights [1/N] are the inverse of the covariance times the deviations from the law.
     from scipy.linalg import cho_solve
@@ -194,9 +196,9 @@ def _solved(at: Array, off: Array, error: Array, result: _Found) -> tuple[Array,
     return factor, np.asarray(cho_solve((factor, True), off))
 
 
-def _found(
+def _fitted(
     at: Array, off: Array, error: Array, known: bool, spread: float, law_error: float | None
-) -> tuple[_Found, float]:
+) -> tuple[_FittedParameters, float]:
     """Return the parameters of a surface with maximum posterior density, and its logarithm."""
     from scipy.optimize import minimize
 
@@ -206,13 +208,13 @@ def _found(
         [(LEAST_SHARE / LAW_SHARE, 30), *2 * [(SHORTEST / SCALE, FARTHEST / SCALE)], (1e-3, 1e3)]
     )
 
-    def unpacked(some: Array) -> _Found:
+    def unpacked(some: Array) -> _FittedParameters:
         change = np.zeros(4)
         change[free] = some
         law, across, along, scatter = np.exp(change).tolist()
         law *= LAW_SHARE * spread if law_error is None else law_error
         scatter = 1.0 if known else 0.1 * LAW_SHARE * spread * scatter
-        return _Found(law, SCALE * np.array([[across], [along]]), scatter)
+        return _FittedParameters(law, SCALE * np.array([[across], [along]]), scatter)
 
     def surprise(some: Array) -> float:
         factor, pull = _solved(at, off, error, unpacked(some))

@@ -51,12 +51,12 @@ def patches(
     cells = FIRST
     while True:
         current, displacement = _nodes(*currents, cells), _nodes(*displacements, cells)
-        values = _asked(force, current, displacement)
+        values = _evaluated(force, current, displacement)
         values -= values[np.searchsorted(displacement, 0.0), np.searchsorted(current, 0.0)]
         spline = RectBivariateSpline(displacement, current, values)
         between = [0.5 * (nodes[1:] + nodes[:-1]) for nodes in (current, displacement)]
-        origin = float(_asked(force, np.zeros(1), np.zeros(1))[0, 0])
-        off = spline(between[1], between[0]) - (_asked(force, *between) - origin)
+        origin = float(_evaluated(force, np.zeros(1), np.zeros(1))[0, 0])
+        off = spline(between[1], between[0]) - (_evaluated(force, *between) - origin)
         error, size = float(np.abs(off).max()), float(np.sqrt(np.mean(values**2)))
         if error <= ACCURACY * size:
             break
@@ -79,7 +79,9 @@ def _nodes(low: float, high: float, cells: int) -> Array:
     return step * np.arange(-first, last + 1)
 
 
-def _asked(force: Callable[[Array, Array], Array], current: Array, displacement: Array) -> Array:
+def _evaluated(
+    force: Callable[[Array, Array], Array], current: Array, displacement: Array
+) -> Array:
     iu, x = np.meshgrid(current, displacement)
     values = np.array(force(iu, x), dtype=float)
     if not np.isfinite(values).all():

@@ -201,7 +201,7 @@ class Figure:
         return path
 
     def plot(self, *, ax: Any = None, panel: int | str = 0) -> Any:
-        """Draw it with matplotlib, see :meth:`ambkit.result.showing.Drawn.plot`."""
+        """Draw it with matplotlib, see :meth:`ambkit.result.showing.Plotted.plot`."""
         if ax is not None:
             several = list(ax.flat) if isinstance(ax, np.ndarray) else ax
             if not isinstance(several, list | tuple):
