@@ -83,13 +83,13 @@ public:
     same_length(count, reals.back().size(), name);
     return reals.back().data();
   }
-  const amb_real *numbers(const nb::dict &given, const char *name, size_t count)
+  const amb_real *numbers(const nb::dict &fields, const char *name, size_t count)
   {
-    return keep(given[name], count, name);
+    return keep(fields[name], count, name);
   }
-  const amb_real *or_none(const nb::dict &given, const char *name, size_t count)
+  const amb_real *or_none(const nb::dict &fields, const char *name, size_t count)
   {
-    return given[name].is_none() ? nullptr : numbers(given, name, count);
+    return fields[name].is_none() ? nullptr : numbers(fields, name, count);
   }
 
 private:

@@ -3,9 +3,9 @@
 namespace
 {
 
-unsigned int counted(const nb::dict &given, const char *name)
+unsigned int counted(const nb::dict &fields, const char *name)
 {
-  const auto value = nb::cast<unsigned int>(given[name]);
+  const auto value = nb::cast<unsigned int>(fields[name]);
   if (value > 65535U)
     throw std::invalid_argument(std::string(name) + " must be at most 65535");
   return value;
@@ -98,22 +98,22 @@ Named run(Control &self, const Samples &y, const Samples &r, const Vector &fly, 
 
 } // namespace
 
-amb_pid pid_of(nb::handle given, amb_real T, Kept &kept)
+amb_pid pid_of(nb::handle numbers, amb_real T, Kept &kept)
 {
-  const size_t n = nb::len(given), sections = n < 8 ? 0 : (n - 8) / AMB_SECTION;
+  const size_t n = nb::len(numbers), sections = n < 8 ? 0 : (n - 8) / AMB_SECTION;
   same_length(8 + AMB_SECTION * sections, n, "pid");
   if (sections > AMB_SECTIONS)
     throw std::invalid_argument("a controller has at most " + std::to_string(AMB_SECTIONS) +
                                 " sections of second order, got " + std::to_string(sections));
-  const amb_real *of = kept.keep(given, n, "pid");
+  const amb_real *of = kept.keep(numbers, n, "pid");
   return {T,     of[0], of[1], of[2], of[3], of[4], of[5], of[6], of[7], static_cast<int>(sections),
           &of[8]};
 }
 
-void Law::set(const nb::dict &given, amb_real T, size_t p, size_t seen)
+void Law::set(const nb::dict &fields, amb_real T, size_t p, size_t seen)
 {
-  for (const auto each : nb::cast<nb::list>(given["pid"])) {
-    pid.push_back(pid_of(each, T, kept));
+  for (const auto item : nb::cast<nb::list>(fields["pid"])) {
+    pid.push_back(pid_of(item, T, kept));
   }
   const size_t q = pid.size();
   if (q < 1 || q > AMB_CONTROLS)
@@ -122,18 +122,18 @@ void Law::set(const nb::dict &given, amb_real T, size_t p, size_t seen)
   law.states = static_cast<int>(seen);
   law.pids = static_cast<int>(q);
   law.pid = pid.data();
-  law.reference = kept.or_none(given, "reference", q * p);
-  law.position = kept.numbers(given, "position", q * seen);
-  law.velocity = kept.or_none(given, "velocity", q * seen);
-  law.spread = kept.numbers(given, "spread", p * q);
-  law.gain[0] = kept.or_none(given, "fed_back", p * seen);
-  law.gain[1] = kept.or_none(given, "fed_back_by_speed", p * seen);
-  law.gain[2] = kept.or_none(given, "fed_back_by_square", p * seen);
-  law.iu_min = kept.numbers(given, "iu_min", p);
-  law.iu_max = kept.numbers(given, "iu_max", p);
-  if (!given["unbalance_control_motion"].is_none())
-    set_unbalance_control(given, p, seen);
-  set_schedule(given, q);
+  law.reference = kept.or_none(fields, "reference", q * p);
+  law.position = kept.numbers(fields, "position", q * seen);
+  law.velocity = kept.or_none(fields, "velocity", q * seen);
+  law.spread = kept.numbers(fields, "spread", p * q);
+  law.gain[0] = kept.or_none(fields, "fed_back", p * seen);
+  law.gain[1] = kept.or_none(fields, "fed_back_by_speed", p * seen);
+  law.gain[2] = kept.or_none(fields, "fed_back_by_square", p * seen);
+  law.iu_min = kept.numbers(fields, "iu_min", p);
+  law.iu_max = kept.numbers(fields, "iu_max", p);
+  if (!fields["unbalance_control_motion"].is_none())
+    set_unbalance_control(fields, p, seen);
+  set_schedule(fields, q);
 }
 
 void Law::set_unbalance_control(const nb::dict &fields, size_t p, size_t seen)
@@ -172,28 +172,28 @@ void Law::set_schedule(const nb::dict &fields, size_t q)
   law.schedule = &schedule;
 }
 
-Control::Control(Estimator &of, const nb::dict &given) : estimator(of)
+Control::Control(Estimator &of, const nb::dict &fields) : estimator(of)
 {
   const Sizes sizes = of.sizes();
   n = sizes.states;
   m = sizes.sensors;
   p = sizes.controls;
   const auto numbers = [&](const char *name, size_t count) -> const amb_real * {
-    return kept.numbers(given, name, count);
+    return kept.numbers(fields, name, count);
   };
-  const bool fed = nb::cast<bool>(given["feedback_estimate"]);
-  law.set(given, of.kf.set.T, p, fed ? n : m);
+  const bool fed = nb::cast<bool>(fields["feedback_estimate"]);
+  law.set(fields, of.kf.set.T, p, fed ? n : m);
   q = static_cast<size_t>(law.law.pids);
-  const bool sequenced = nb::cast<bool>(given["sequenced"]);
+  const bool sequenced = nb::cast<bool>(fields["sequenced"]);
   if (sequenced)
-    sequence = {counted(given, "waiting"), counted(given, "lost"), counted(given, "overloaded"),
-                nb::cast<amb_real>(given["rise"]), nb::cast<amb_real>(given["descent"])};
+    sequence = {counted(fields, "waiting"), counted(fields, "lost"), counted(fields, "overloaded"),
+                nb::cast<amb_real>(fields["rise"]), nb::cast<amb_real>(fields["descent"])};
   control.estimator = &of.estimator;
   control.law = &law.law;
   control.sequence = sequenced ? &sequence : nullptr;
   control.feedback_estimate = fed;
-  control.settling = counted(given, "settling");
-  control.bound = nb::cast<amb_real>(given["bound"]);
+  control.settling = counted(fields, "settling");
+  control.bound = nb::cast<amb_real>(fields["bound"]);
   control.std = numbers("std", n);
   control.start = numbers("start", n);
   control.start_by = numbers("start_by", n * m);
@@ -206,8 +206,8 @@ Control::Control(Estimator &of, const nb::dict &given) : estimator(of)
 void bind_control(nb::module_ &m)
 {
   nb::class_<Control>(m, "Control", "The whole controller (ambkit/control.h).")
-      .def(nb::init<Estimator &, const Named &>(), nb::arg("estimator"), nb::arg("given"),
-           nb::sig("def __init__(self, estimator: Estimator, given: dict[str, Any]) -> None"),
+      .def(nb::init<Estimator &, const Named &>(), nb::arg("estimator"), nb::arg("fields"),
+           nb::sig("def __init__(self, estimator: Estimator, fields: dict[str, Any]) -> None"),
            nb::keep_alive<1, 2>())
       .def("run", &run, nb::arg("y"), nb::arg("r"), nb::arg("fly"), nb::arg("speed") = 0,
            nb::arg("transferred").none() = nb::none(), nb::arg("recorded").none() = nb::none(),

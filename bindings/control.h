@@ -8,7 +8,7 @@ extern "C" {
 }
 
 // A PID from its gains and limits, and the coefficients of its sections.
-amb_pid pid_of(nb::handle given, amb_real T, Kept &kept);
+amb_pid pid_of(nb::handle numbers, amb_real T, Kept &kept);
 
 // amb_controllers with its arrays, from its fields by name.
 class Law
@@ -17,7 +17,7 @@ public:
   Law() = default;
   Law(const Law &) = delete; // `law` points into the object
   // For p axes; input: this number of states or readings.
-  void set(const nb::dict &given, amb_real T, size_t p, size_t seen);
+  void set(const nb::dict &fields, amb_real T, size_t p, size_t seen);
   amb_controllers law{};
 
 private:
@@ -31,7 +31,7 @@ private:
 
 struct Control {
   // The arrays and numbers of amb_control, amb_controllers and amb_sequence by name.
-  Control(Estimator &of, const nb::dict &given);
+  Control(Estimator &of, const nb::dict &fields);
   Control(const Control &) = delete; // `control` points into the object
 
   amb_control control{};

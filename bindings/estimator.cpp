@@ -36,41 +36,41 @@ void each_setting(Settings &s, const Sizes &of, Visit visit)
 }
 
 // All must be given, and no others.
-amb_kalman_settings settings_of(const nb::kwargs &given, const Sizes &of)
+amb_kalman_settings settings_of(const nb::kwargs &settings, const Sizes &of)
 {
   amb_kalman_settings s{};
   size_t known = 0;
   each_setting(s, of, [&](const char *name, auto &field, size_t count) {
     using Field = std::remove_reference_t<decltype(field)>;
-    if (!given.contains(name))
+    if (!settings.contains(name))
       throw std::invalid_argument(std::string("the setting ") + name + " is missing");
     if constexpr (std::is_array_v<Field>) {
-      const auto values = nb::cast<std::vector<amb_real>>(given[name]);
+      const auto values = nb::cast<std::vector<amb_real>>(settings[name]);
       same_length(count, values.size(), name);
       std::copy(values.begin(), values.end(), field);
     } else
-      field = nb::cast<Field>(given[name]);
+      field = nb::cast<Field>(settings[name]);
     known++;
   });
-  if (given.size() != known)
+  if (settings.size() != known)
     throw std::invalid_argument("there is a setting that no estimator has");
   return s;
 }
 
-nb::list magnets_of(nb::object asked)
+nb::list magnets_of(nb::object magnet)
 {
-  if (nb::isinstance<nb::list>(asked))
-    return nb::cast<nb::list>(asked);
+  if (nb::isinstance<nb::list>(magnet))
+    return nb::cast<nb::list>(magnet);
   nb::list one;
-  one.append(asked);
+  one.append(magnet);
   return one;
 }
 
 } // namespace
 
-Estimator::Estimator(const amb_estimator_methods &methods, nb::object asked, nb::object of,
+Estimator::Estimator(const amb_estimator_methods &methods, nb::object magnet, nb::object of,
                      const nb::kwargs &settings)
-    : keeps(magnets_of(asked)), keeps_too(of),
+    : keeps(magnets_of(magnet)), keeps_too(of),
       memory(methods.state_size / sizeof(std::max_align_t) + 1)
 {
   const amb_model &model = nb::cast<const Model &>(of).model;

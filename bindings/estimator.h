@@ -170,7 +170,7 @@ struct Estimator {
   amb_estimator estimator{};
   amb_kalman_result result{};
 
-  Estimator(const amb_estimator_methods &methods, nb::object asked, nb::object of,
+  Estimator(const amb_estimator_methods &methods, nb::object magnet, nb::object of,
             const nb::kwargs &settings);
   Estimator(const amb_estimator_methods &methods, nb::object around); // another one
   virtual ~Estimator() = default;

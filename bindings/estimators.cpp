@@ -21,15 +21,15 @@ namespace
 {
 
 struct Kalman : Estimator {
-  Kalman(nb::object asked, nb::object model, nb::kwargs settings)
-      : Estimator(amb_kalman_methods, asked, model, settings)
+  Kalman(nb::object magnet, nb::object model, nb::kwargs settings)
+      : Estimator(amb_kalman_methods, magnet, model, settings)
   {
   }
 };
 
 struct Extended : Estimator {
-  Extended(nb::object asked, nb::object model, nb::kwargs settings)
-      : Estimator(amb_extended_methods, asked, model, settings)
+  Extended(nb::object magnet, nb::object model, nb::kwargs settings)
+      : Estimator(amb_extended_methods, magnet, model, settings)
   {
   }
   /* Its state is the filter's own: nothing else depends on the covariance. */
@@ -44,8 +44,8 @@ struct Extended : Estimator {
 };
 
 struct UD : Estimator {
-  UD(nb::object asked, nb::object model, nb::kwargs settings)
-      : Estimator(amb_ud_methods, asked, model, settings)
+  UD(nb::object magnet, nb::object model, nb::kwargs settings)
+      : Estimator(amb_ud_methods, magnet, model, settings)
   {
   }
   nb::object factor()
@@ -61,9 +61,9 @@ struct UD : Estimator {
 
 struct Observer : Estimator {
   amb_observer own{};
-  Observer(nb::object asked, nb::object model, const Matrix &gain, const Vector &cov,
+  Observer(nb::object magnet, nb::object model, const Matrix &gain, const Vector &cov,
            const Vector &variance, const Vector &far, nb::kwargs settings)
-      : Estimator(amb_observer_methods, asked, model, settings)
+      : Estimator(amb_observer_methods, magnet, model, settings)
   {
     const Sizes of = sizes();
     same_length(of.sensors, gain.shape(0), "gain");
@@ -92,9 +92,9 @@ struct Observer : Estimator {
 
 struct LowPass : Estimator {
   amb_low_pass own;
-  LowPass(nb::object asked, nb::object model, amb_real m, amb_real position, amb_real velocity,
+  LowPass(nb::object magnet, nb::object model, amb_real m, amb_real position, amb_real velocity,
           amb_real force, nb::kwargs settings)
-      : Estimator(amb_low_pass_methods, asked, model, settings), own{m, position, velocity, force}
+      : Estimator(amb_low_pass_methods, magnet, model, settings), own{m, position, velocity, force}
   {
     must_be_single("a low-pass filter");
     must_have({AMB_POSITION, AMB_VELOCITY, AMB_LOAD}, "a low-pass filter");
@@ -116,9 +116,9 @@ struct LowPass : Estimator {
 
 struct Unscented : Estimator {
   amb_unscented own;
-  Unscented(nb::object asked, nb::object model, amb_real reach, amb_real curvature,
+  Unscented(nb::object magnet, nb::object model, amb_real reach, amb_real curvature,
             nb::kwargs settings)
-      : Estimator(amb_unscented_methods, asked, model, settings), own{reach, curvature}
+      : Estimator(amb_unscented_methods, magnet, model, settings), own{reach, curvature}
   {
     estimator.own = &own;
   }
@@ -133,10 +133,10 @@ struct Unscented : Estimator {
 
 struct Contact : Estimator {
   amb_contact own{};
-  Contact(nb::object magnets, nb::object model, const Places &first, const Places &second,
+  Contact(nb::object magnet, nb::object model, const Places &first, const Places &second,
           const Matrix &numbers, const Matrix &displacement, const Matrix &velocity,
           const Vector &bias, amb_real scatter, nb::kwargs settings)
-      : Estimator(amb_contact_methods, magnets, model, settings)
+      : Estimator(amb_contact_methods, magnet, model, settings)
   {
     const size_t rings = first.size();
     if (rings > sizes().forces)

@@ -125,8 +125,8 @@ void bind(nb::class_<Learner> &learner, const Shown<Learner> (&shown)[N])
         restore(from, {{&self.state, sizeof self.state}});
       },
       "All that it has learned, as bytes of this build, for a learner that was made alike.");
-  for (const Shown<Learner> &each : shown)
-    learner.def_prop_ro(each.name, each.value);
+  for (const Shown<Learner> &entry : shown)
+    learner.def_prop_ro(entry.name, entry.value);
 }
 
 } // namespace

@@ -9,10 +9,10 @@ struct LoopState {
   amb_loop_state state{};
 };
 
-Named simulate(const nb::dict &given, const nb::kwargs &arguments)
+Named simulate(const nb::dict &fields, const nb::kwargs &arguments)
 {
   Arguments named(arguments);
-  ClosedLoop closed_loop(given, named);
+  ClosedLoop closed_loop(fields, named);
   const amb_loop &loop = closed_loop.of.loop;
   Estimator *estimator = closed_loop.estimator;
   const size_t p = closed_loop.of.axes(), m = closed_loop.of.sensors(), n = closed_loop.in.n;
@@ -31,10 +31,10 @@ Named simulate(const nb::dict &given, const nb::kwargs &arguments)
   History history(estimator ? n : 0, sizes, estimator != nullptr, estimator && estimator->scales());
   const amb_parts &coil = loop.plant.amplifier[0];
   const bool volts = p == 1 && coil.voltage > 0, both = volts && coil.pair;
-  const bool whole = closed_loop.control != nullptr;
+  const bool controlled = closed_loop.control != nullptr;
   Fresh<amb_real> first({volts ? n : 0}), second({both ? n : 0});
   Fresh<unsigned short> status({n});
-  Fresh<unsigned char> at_stop({n}), mode({whole ? n : 0}), usable({whole ? n : 0});
+  Fresh<unsigned char> at_stop({n}), mode({controlled ? n : 0}), usable({controlled ? n : 0});
   amb_loop_output out{};
   out.X = states.data();
   out.columns = static_cast<int>(columns);
@@ -47,8 +47,8 @@ Named simulate(const nb::dict &given, const nb::kwargs &arguments)
   out.voltage[1] = both ? second.data : nullptr;
   out.status = status.data;
   out.at_stop = at_stop.data;
-  out.mode = whole ? mode.data : nullptr;
-  out.usable = whole ? usable.data : nullptr;
+  out.mode = controlled ? mode.data : nullptr;
+  out.usable = controlled ? usable.data : nullptr;
   LoopState fresh;
   amb_loop_state &state = went ? went->state : fresh.state;
   if (!state.sampled)
@@ -73,7 +73,7 @@ Named simulate(const nb::dict &given, const nb::kwargs &arguments)
     d["u_coil"] = first.array;
   if (both)
     d["u_coil_2"] = second.array;
-  if (whole) {
+  if (controlled) {
     d["mode"] = mode.array;
     d["usable"] = usable.array;
   }

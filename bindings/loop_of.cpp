@@ -1,10 +1,10 @@
 #include "loop_of.h"
 
-amb_parts parts_of(const nb::dict &given)
+amb_parts parts_of(const nb::dict &fields)
 {
   amb_parts parts{};
   nb::dict rest;
-  rest.update(given);
+  rest.update(fields);
   const auto take = [&rest](const char *name, auto &to) {
     if (rest.contains(name)) {
       to = nb::cast<std::decay_t<decltype(to)>>(rest[name]);
@@ -56,22 +56,22 @@ amb_parts parts_of(const nb::dict &given)
 
 amb_real LoopOf::number(const char *name) const
 {
-  return nb::cast<amb_real>(given[name]);
+  return nb::cast<amb_real>(fields[name]);
 }
 
 int LoopOf::count(const char *name) const
 {
-  return nb::cast<int>(given[name]);
+  return nb::cast<int>(fields[name]);
 }
 
 const amb_real *LoopOf::numbers(const char *name, size_t n)
 {
-  return reals.numbers(given, name, n);
+  return reals.numbers(fields, name, n);
 }
 
 const int *LoopOf::places(const char *name, size_t n, int most, int least)
 {
-  ints.push_back(nb::cast<std::vector<int>>(given[name]));
+  ints.push_back(nb::cast<std::vector<int>>(fields[name]));
   same_length(n, ints.back().size(), name);
   for (const int at : ints.back())
     if (at < least || at >= most)
@@ -98,14 +98,14 @@ Rows::Rows(const nb::tuple &parts, size_t count, size_t columns, const char *nam
 
 amb_sparse LoopOf::rows(const char *name, size_t count, size_t columns)
 {
-  return all_rows.emplace_back(nb::cast<nb::tuple>(given[name]), count, columns, name).to;
+  return all_rows.emplace_back(nb::cast<nb::tuple>(fields[name]), count, columns, name).to;
 }
 
 std::vector<amb_parts> LoopOf::all_parts(const char *name, size_t n) const
 {
   std::vector<amb_parts> all;
-  for (const auto each : nb::cast<nb::list>(given[name]))
-    all.push_back(parts_of(nb::cast<nb::dict>(each)));
+  for (const auto item : nb::cast<nb::list>(fields[name]))
+    all.push_back(parts_of(nb::cast<nb::dict>(item)));
   same_length(n, all.size(), name);
   return all;
 }
@@ -125,12 +125,12 @@ void LoopOf::set_plant()
   const auto m = static_cast<size_t>(at.sensors = within("sensors", AMB_SENSORS));
   const auto q =
       static_cast<size_t>(at.positions = within("positions", static_cast<size_t>(n / 2)));
-  at.own = given.contains("mass");
+  at.own = fields.contains("mass");
   if (at.own) {
     same_length(q, p, "axes of their own");
     same_length(q, m, "sensors of their own");
     at.mass = numbers("mass", q);
-    at.plain = nb::cast<bool>(given["plain"]);
+    at.plain = nb::cast<bool>(fields["plain"]);
   } else {
     at.H = rows("H", p, q);
     at.B = rows("B", q, p);
@@ -144,7 +144,7 @@ void LoopOf::set_plant()
   at.bias = numbers("bias", p);
   at.farthest = numbers("farthest", p);
   at.g = numbers("g", q);
-  if (given.contains("cosine")) {
+  if (fields.contains("cosine")) {
     at.cosine = numbers("cosine", q);
     at.sine = numbers("sine", q);
   }
@@ -168,19 +168,19 @@ void LoopOf::set_plant()
 void LoopOf::set_magnets(size_t p)
 {
   amb_plant &at = loop.plant;
-  for (const auto each : nb::cast<nb::list>(given["magnets"]))
-    magnets.push_back(nb::cast<const Magnet &>(each).magnet);
+  for (const auto item : nb::cast<nb::list>(fields["magnets"]))
+    magnets.push_back(nb::cast<const Magnet &>(item).magnet);
   same_length(p, magnets.size(), "magnets");
   at.magnet = magnets.data();
-  for (const auto each : nb::cast<nb::list>(given["coils"]))
-    coils.push_back(each.is_none() ? amb_magnet{} : nb::cast<const Magnet &>(each).magnet);
+  for (const auto item : nb::cast<nb::list>(fields["coils"]))
+    coils.push_back(item.is_none() ? amb_magnet{} : nb::cast<const Magnet &>(item).magnet);
   same_length(p, coils.size(), "coils");
   at.coil = coils.data();
   amplifiers = all_parts("amplifiers", p);
   for (size_t f = 0; f < p; f++)
     if ((amplifiers[f].corner > 0 || at.second[f] >= 0) && at.current[f] < 0)
       throw std::invalid_argument("an amplifier that lags has no current");
-  const auto behind = nb::cast<nb::list>(given["behind"]);
+  const auto behind = nb::cast<nb::list>(fields["behind"]);
   same_length(p, behind.size(), "behind");
   for (size_t f = 0; f < p; f++) {
     const auto where = nb::cast<std::vector<int>>(behind[f]);
@@ -197,8 +197,8 @@ void LoopOf::set_magnets(size_t p)
 void LoopOf::set_rings()
 {
   amb_plant &at = loop.plant;
-  for (const auto each : nb::cast<nb::list>(given["rings"])) {
-    const auto ring = nb::cast<nb::dict>(each);
+  for (const auto item : nb::cast<nb::list>(fields["rings"])) {
+    const auto ring = nb::cast<nb::dict>(item);
     const int first = nb::cast<int>(ring["first"]), second = nb::cast<int>(ring["second"]);
     if (first < 0 || first >= at.axes || second < -1 || second >= at.axes)
       throw std::invalid_argument("a ring is about axes that are not there");
@@ -231,17 +231,17 @@ void LoopOf::set_controllers(Estimator *estimator)
   const size_t p = axes();
   loop.T = number("T");
   loop.k_ui = numbers("k_ui", p);
-  loop.feedback_estimate = nb::cast<bool>(given["feedback_estimate"]);
+  loop.feedback_estimate = nb::cast<bool>(fields["feedback_estimate"]);
   if (loop.feedback_estimate && estimator == nullptr)
     throw std::invalid_argument("feedback from the estimate needs an estimator");
-  if (given.contains("spread")) {
-    law.set(given, loop.T, p, loop.feedback_estimate ? estimator->sizes().states : sensors());
+  if (fields.contains("spread")) {
+    law.set(fields, loop.T, p, loop.feedback_estimate ? estimator->sizes().states : sensors());
     loop.controllers = &law.law;
     loop.iu_min = law.law.iu_min;
     loop.iu_max = law.law.iu_max;
     return;
   }
-  loop.pid = pid_of(given["pid"], loop.T, reals);
+  loop.pid = pid_of(fields["pid"], loop.T, reals);
   loop.iu_min = &loop.pid.iu_min;
   loop.iu_max = &loop.pid.iu_max;
   same_length(p, 1, "the one PID, in axes,");
@@ -249,7 +249,7 @@ void LoopOf::set_controllers(Estimator *estimator)
     estimator->must_have({AMB_POSITION, AMB_VELOCITY}, "feedback from the estimate");
 }
 
-LoopOf::LoopOf(const nb::dict &fields, Estimator *estimator, Control *control) : given(fields)
+LoopOf::LoopOf(const nb::dict &fields, Estimator *estimator, Control *control) : fields(fields)
 {
   if (control != nullptr && &control->estimator != estimator)
     throw std::invalid_argument("the controller has another estimator than the loop");

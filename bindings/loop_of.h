@@ -8,7 +8,7 @@ extern "C" {
 }
 
 // The parts of a plant, with the names of amb_parts; others are 0.
-amb_parts parts_of(const nb::dict &given);
+amb_parts parts_of(const nb::dict &fields);
 
 // Rows of entries from a tuple of start, column and value.
 struct Rows {
@@ -25,7 +25,7 @@ private:
 class LoopOf
 {
 public:
-  LoopOf(const nb::dict &given, Estimator *estimator, Control *control);
+  LoopOf(const nb::dict &fields, Estimator *estimator, Control *control);
   LoopOf(const LoopOf &) = delete; // `loop` points into the object
   // A rotor in equilibrium at q with these currents [A], and controllers with these integrals. A
   // complete controller starts levitated, or at power-on.
@@ -56,7 +56,7 @@ private:
   amb_sparse rows(const char *name, size_t count, size_t columns);
   std::vector<amb_parts> all_parts(const char *name, size_t n) const;
 
-  nb::dict given; // owns the magnets
+  nb::dict fields; // owns the magnets
   Kept reals;
   std::list<std::vector<int>> ints;
   std::list<Rows> all_rows;
@@ -72,7 +72,7 @@ private:
 class Arguments
 {
 public:
-  explicit Arguments(const nb::dict &given) : all(given)
+  explicit Arguments(const nb::dict &fields) : all(fields)
   {
   }
   nb::object take(const char *name)
@@ -127,7 +127,7 @@ private:
 // the required number of values (control/controller_states.py, simulation/external_inputs.py).
 struct OwnOf {
   nb::callable answer;
-  size_t given[3], answers;
+  size_t fields[3], answers;
   std::vector<size_t> places; // indices of the returned numbers
   bool ask(std::initializer_list<const amb_real *> from, amb_real to[]) const;
 };
@@ -147,7 +147,7 @@ public:
   LoopOf of;
   amb_loop_input in{};
   // An optional array of the run, a row per sample; it is kept alive.
-  const amb_real *series(nb::handle given, size_t n, size_t columns, const char *name);
+  const amb_real *series(nb::handle fields, size_t n, size_t columns, const char *name);
 
 private:
   void set_model(Model *model);

@@ -19,8 +19,8 @@ using Table = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::c
 struct Along {
   Along(const Tables &parts, size_t axes, size_t states_) : states(states_)
   {
-    for (const auto each : parts)
-      rows.emplace_back(nb::cast<nb::tuple>(each), axes, states, "along");
+    for (const auto item : parts)
+      rows.emplace_back(nb::cast<nb::tuple>(item), axes, states, "along");
     if (rows.size() > 3)
       throw std::invalid_argument("along: there are three");
   }
@@ -76,12 +76,12 @@ private:
     set_estimator(named.take("mean"), named.take("std"), named.take("along"));
     named.done();
   }
-  static const double *noise(std::optional<Doubles> &kept, const nb::object &given, size_t n,
+  static const double *noise(std::optional<Doubles> &kept, const nb::object &values, size_t n,
                              const char *name)
   {
-    if (given.is_none())
+    if (values.is_none())
       return nullptr;
-    kept = nb::cast<Doubles>(given);
+    kept = nb::cast<Doubles>(values);
     same_length(n, kept->size(), name);
     return kept->data();
   }
@@ -115,10 +115,10 @@ private:
     const auto &of = nb::cast<const Along &>(rows);
     same_length(states, of.states, "along");
     size_t i = 0;
-    for (const Rows &each : of.rows)
-      run.along[i++] = each.to;
-    std::vector<std::max_align_t> tried(memory());
-    if (!reset(tried.data()))
+    for (const Rows &item : of.rows)
+      run.along[i++] = item.to;
+    std::vector<std::max_align_t> trial(memory());
+    if (!reset(trial.data()))
       throw std::invalid_argument("mean must be finite, std finite and positive");
   }
 };
@@ -219,7 +219,7 @@ nb::typed<nb::tuple, Out<double>, Out<int64_t>> fly(const std::vector<const Plan
   const auto fly_together = [&](size_t at) {
     const std::vector<size_t> &places = work[at];
     std::vector<amb_many_run> runs;
-    std::vector<amb_many_run *> each;
+    std::vector<amb_many_run *> item;
     std::vector<std::vector<std::max_align_t>> states;
     runs.reserve(places.size());
     for (const size_t i : places) {
@@ -231,15 +231,15 @@ nb::typed<nb::tuple, Out<double>, Out<int64_t>> fly(const std::vector<const Plan
       if (plan.closed_loop.estimator != nullptr)
         plan.reset(states.back().data());
       plan.closed_loop.settle(runs.back().state, states.back().data());
-      each.push_back(&runs.back());
+      item.push_back(&runs.back());
     }
     const Plan &first = *plans[static_cast<size_t>(which.data()[places[0]])];
     if (lanes > 1 && amb_many_group(&first.run) != 0U) {
-      amb_many_advance(set, each.data(), each.size(), first.closed_loop.in.n);
+      amb_many_advance(set, item.data(), item.size(), first.closed_loop.in.n);
     } else {
       Room room(first);
-      amb_many_alone(each[0], room.noise_u.data(), room.noise_y.data(), room.touched.data(),
-                     &room.to);
+      amb_many_one(item[0], room.noise_u.data(), room.noise_y.data(), room.touched.data(),
+                   &room.to);
     }
     for (size_t k = 0; k < places.size(); k++) {
       std::copy_n(runs[k].figures, AMB_FIGURES, figures.data + places[k] * AMB_FIGURES);

@@ -10,10 +10,10 @@
 amb_sparse Model::sparse(const nb::dict &arrays, const char *name, size_t rows, size_t columns)
 {
   const std::string of(name);
-  const auto given = nb::cast<nb::tuple>(arrays[name]); // start, column, value
-  const auto start = nb::cast<std::vector<unsigned short>>(given[0]);
-  const auto column = nb::cast<std::vector<unsigned short>>(given[1]);
-  const auto value = nb::cast<std::vector<amb_real>>(given[2]);
+  const auto sparse = nb::cast<nb::tuple>(arrays[name]); // start, column, value
+  const auto start = nb::cast<std::vector<unsigned short>>(sparse[0]);
+  const auto column = nb::cast<std::vector<unsigned short>>(sparse[1]);
+  const auto value = nb::cast<std::vector<amb_real>>(sparse[2]);
   same_length(rows + 1, start.size(), (of + ", where its rows start,").c_str());
   same_length(start.back(), column.size(), (of + ", its columns,").c_str());
   same_length(start.back(), value.size(), name);
@@ -74,8 +74,8 @@ Model::Model(const nb::dict &arrays)
 void Model::gather()
 {
   size_t count = 0;
-  for (const auto &each : loose)
-    count += each.size();
+  for (const auto &item : loose)
+    count += item.size();
   numbers.reserve(count);
   const amb_real **values[] = {&model.L.value, &model.b.value,   &model.B_u.value, &model.h.value,
                                &model.e,       &model.r,         &model.d.value,   &model.c.value,

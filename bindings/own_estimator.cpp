@@ -68,8 +68,8 @@ const amb_estimator_methods own_methods = {sizeof(OwnState), own_reset, own_pred
 
 struct Own : Estimator {
   nb::callable answer;
-  Own(nb::object asked, nb::object model, nb::callable given, nb::kwargs settings)
-      : Estimator(own_methods, asked, model, settings), answer(given)
+  Own(nb::object magnet, nb::object model, nb::callable step, nb::kwargs settings)
+      : Estimator(own_methods, magnet, model, settings), answer(step)
   {
     estimator.own = &answer;
   }

@@ -26,9 +26,9 @@ amb_excitation_settings learning(amb_real fresh, amb_real least)
 
 struct Augmented : Estimator {
   amb_augmented own{};
-  Augmented(nb::object asked, nb::object model, const Vector &bias, amb_real std, amb_real var_k,
+  Augmented(nb::object magnet, nb::object model, const Vector &bias, amb_real std, amb_real var_k,
             amb_real min, amb_real max, amb_real fresh, amb_real least, nb::kwargs settings)
-      : Estimator(amb_augmented_methods, asked, model, settings)
+      : Estimator(amb_augmented_methods, magnet, model, settings)
   {
     must_have({AMB_LOAD}, "estimating the magnets' scale");
     if (!(std > 0 && var_k >= 0 && min > 0 && min <= 1 && max >= 1))
@@ -56,9 +56,9 @@ struct Augmented : Estimator {
 
 struct MultipleModel : Estimator {
   amb_multiple_model own{};
-  MultipleModel(nb::object asked, nb::object model, const Vector &theta, amb_real leave,
+  MultipleModel(nb::object magnet, nb::object model, const Vector &theta, amb_real leave,
                 const Vector &bias, amb_real fresh, amb_real least, nb::kwargs settings)
-      : Estimator(amb_multiple_model_methods, asked, model, settings)
+      : Estimator(amb_multiple_model_methods, magnet, model, settings)
   {
     must_have({AMB_LOAD}, "estimating the magnets' scale");
     const size_t n = theta.size();

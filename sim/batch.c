@@ -65,7 +65,7 @@ unsigned int amb_batch_group(const amb_estimator *e)
 }
 
 /* One run by ambkit/estimator.h. */
-static void alone(amb_batch_run *run, size_t samples, size_t skip)
+static void run_one(amb_batch_run *run, size_t samples, size_t skip)
 {
   const amb_model *model = &run->estimator->kf->model;
   const size_t n = (size_t)amb_states(model), m = (size_t)amb_sensors(model);
@@ -113,7 +113,7 @@ void amb_batch_advance(amb_instructions instructions, amb_batch_run *const runs[
     return;
   }
   for (size_t i = 0; i < count; i++)
-    alone(runs[i], n, skip);
+    run_one(runs[i], n, skip);
 }
 
 amb_status amb_batch_one(amb_instructions instructions, const amb_estimator *estimator, void *state,

@@ -3,7 +3,7 @@
 
 #if defined(AMB_HAS_LANES)
 #include "lanes_team.h"
-#include "noise_drawn.h"
+#include "noise_block.h"
 
 /* Samples `first` to `count` of the block. */
 AMB_INLINE void steps(team *t, size_t first, size_t count, lanes_kind kind, lanes_magnet magnet)
@@ -90,7 +90,7 @@ static void run(amb_batch_run *const runs[], size_t count, size_t n, size_t skip
   for (size_t i = 0; i < LANES; i++) {
     t.runs[i] = runs[(i < count) ? i : count - 1];
     t.judged = t.judged && (t.runs[i]->truth != NULL);
-    t.magnets[i] = asked(t.runs[i]->estimator->magnet);
+    t.magnets[i] = magnet_in_lanes(t.runs[i]->estimator->magnet);
     fill_parameters(&t.p, i, t.runs[i]->estimator);
   }
   for (size_t first = 0; first < n; first += BLOCK) {

@@ -6,7 +6,7 @@
 #if defined(AMB_HAS_LANES) && !defined(AMB_FLOAT)
 #include "lanes_team.h"
 #include "many_figures.h"
-#include "noise_drawn.h"
+#include "noise_block.h"
 
 /* ---- The same text again, with lanes' names except for types that both have. ---- */
 
@@ -68,7 +68,7 @@ typedef struct lanes_windows {
 
 /* ---- Plant, amplifier and controller. ---- */
 
-#define STRETCH AMB_NOISE_DRAWN /* samples whose noise is generated together */
+#define STRETCH AMB_NOISE_BLOCK /* samples whose noise is generated together */
 
 /* The leading numbers of amb_pid and amb_pid_state, in their order. */
 typedef struct lanes_pid {
@@ -243,12 +243,12 @@ static void draw(loops_in_lanes *f, size_t first, size_t n)
     const amb_many_run *run = f->runs[i];
     for (uint32_t stream = 0; stream < 2; stream++) {
       double *to = f->noise[i][stream];
-      const double *given = (stream == AMB_NOISE_CONTROL) ? run->noise_u : run->noise_y;
+      const double *noise = (stream == AMB_NOISE_CONTROL) ? run->noise_u : run->noise_y;
       const double std = (stream == AMB_NOISE_CONTROL) ? run->std_u[0] : run->std_y[0];
-      if (given != NULL) {
-        memcpy(to, given + first, ((n - first < STRETCH) ? n - first : STRETCH) * sizeof *to);
+      if (noise != NULL) {
+        memcpy(to, noise + first, ((n - first < STRETCH) ? n - first : STRETCH) * sizeof *to);
       } else if (std > 0.0) {
-        amb_noise_drawn(run->key, stream, first, to);
+        amb_noise_block(run->key, stream, first, to);
         for (size_t k = 0; k < STRETCH; k++)
           to[k] *= std;
       } else { /* stays 0 */
@@ -330,7 +330,7 @@ static void start(loops_in_lanes *f, amb_many_run *const runs[], size_t count)
     f->filter[i].estimator = run->loop->estimator;
     f->filter[i].state = run->estimator;
     f->t.runs[i] = &f->filter[i];
-    f->t.magnets[i] = asked(run->loop->estimator->magnet);
+    f->t.magnets[i] = magnet_in_lanes(run->loop->estimator->magnet);
     fill_parameters(&f->t.p, i, run->loop->estimator);
     fill_loop(&f->l, i, run);
     const amb_tally none = amb_tally_none(run->windows);

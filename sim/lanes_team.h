@@ -42,7 +42,7 @@ typedef struct team {
 
 /* The fuzzy network is evaluated lane by lane; it computes its rules side by side, with these
  * instructions. */
-static amb_magnet asked(const amb_magnet *magnet)
+static amb_magnet magnet_in_lanes(const amb_magnet *magnet)
 {
   amb_magnet own = *magnet;
 #if AMB_LANES_BYTES > 16

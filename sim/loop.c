@@ -20,8 +20,8 @@ static void control(const amb_loop *loop, amb_loop_state *s, void *filter,
 {
   amb_copy(loop->plant.axes, u_known, s->control.u);
   s->status = amb_control_step(loop->control, &s->control, filter, s->y, sample->r,
-                               speed_known(s, sample), sample->fly, &s->flown);
-  s->result = s->flown.estimator;
+                               speed_known(s, sample), sample->fly, &s->control_output);
+  s->result = s->control_output.estimator;
   amb_copy(loop->plant.axes, s->control.u, s->u);
 }
 
@@ -77,7 +77,7 @@ static bool act(const amb_loop *loop, amb_loop_state *s, void *filter,
                          .speed = sample->speed != NULL ? sample->speed[0] : own,
                          .next = sample->speed != NULL ? sample->speed[1] : own,
                          .scale = sample->scale,
-                         .off = sample->off || (loop->control != NULL && !s->flown.on)};
+                         .off = sample->off || (loop->control != NULL && !s->control_output.on)};
   if (acts.off && (loop->estimator != NULL))
     amb_deenergise(loop->estimator, filter);
   for (size_t c = 0; c < axes(loop); c++) {
@@ -125,9 +125,9 @@ static amb_real faulted(const amb_plant *plant, const amb_loop_faults *faults, c
   const amb_parts *sensor = &plant->sensor[r];
   const size_t m = (size_t)plant->sensors, here = k * m + (size_t)r;
   const amb_real late = faults->late[here], rise = sensor->rise;
-  const size_t whole = (late < (amb_real)k) ? (size_t)late : k;
-  const amb_real share = (late < (amb_real)k) ? late - (amb_real)whole : 0;
-  const size_t at = k - whole, then = here - whole * m;
+  const size_t samples = (late < (amb_real)k) ? (size_t)late : k;
+  const amb_real share = (late < (amb_real)k) ? late - (amb_real)samples : 0;
+  const size_t at = k - samples, then = here - samples * m;
   amb_real y = x_m[at] + amb_noise_share(rise, x_m[at]) * noise[then];
   if (share > 0)
     y += share * (x_m[at - 1] + amb_noise_share(rise, x_m[at - 1]) * noise[then - m] - y);
@@ -167,9 +167,9 @@ static void note(const amb_loop *loop, const amb_loop_state *s, const void *filt
     if (out->voltage[i] != NULL)
       out->voltage[i][k] = s->acting[0].voltage[i];
   if (out->mode != NULL)
-    out->mode[k] = (unsigned char)s->flown.mode;
+    out->mode[k] = (unsigned char)s->control_output.mode;
   if (out->usable != NULL)
-    out->usable[k] = s->flown.usable;
+    out->usable[k] = s->control_output.usable;
   if (out->status != NULL)
     out->status[k] = (unsigned short)s->status;
   if (loop->estimator != NULL)

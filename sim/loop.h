@@ -60,9 +60,9 @@ typedef struct amb_loop_state {
   amb_real demanded[AMB_CONTROLS]; /* demanded control currents, with noise, limited [A] */
   amb_acting acting[AMB_CONTROLS]; /* effect just after the sample */
   amb_control_state control;
-  amb_control_output flown; /* last output of `control` */
-  amb_real speed;           /* speed of rotation known to the estimator [rad/s] */
-  bool sampled;             /* whether there was a sample */
+  amb_control_output control_output; /* last output of `control` */
+  amb_real speed;                    /* speed of rotation known to the estimator [rad/s] */
+  bool sampled;                      /* whether there was a sample */
 } amb_loop_state;
 
 /* External inputs at a sample, held to the next. */

@@ -25,19 +25,19 @@ unsigned int amb_many_group(const amb_many_run *run)
          2048U * filter;
 }
 
-static void draw(const double *given, const amb_many_run *run, const double std[], uint32_t stream,
+static void draw(const double *noise, const amb_many_run *run, const double std[], uint32_t stream,
                  size_t columns, amb_real *to)
 {
   const size_t n = run->in.n;
-  double drawn[AMB_NOISE_DRAWN];
+  double normal[AMB_NOISE_BLOCK];
   for (size_t i = 0; i < n * columns; i++)
-    to[i] = (given != NULL) ? (amb_real)given[i] : AMB_C(0.0);
-  for (size_t c = 0; (given == NULL) && (c < columns); c++)
-    for (size_t first = 0; (std[c] > 0) && (first < n); first += AMB_NOISE_DRAWN) {
-      const size_t count = (n - first < AMB_NOISE_DRAWN) ? n - first : AMB_NOISE_DRAWN;
-      amb_many_noise(run->key, AMB_NOISE_STREAMS * (uint32_t)c + stream, first, count, drawn);
+    to[i] = (noise != NULL) ? (amb_real)noise[i] : AMB_C(0.0);
+  for (size_t c = 0; (noise == NULL) && (c < columns); c++)
+    for (size_t first = 0; (std[c] > 0) && (first < n); first += AMB_NOISE_BLOCK) {
+      const size_t count = (n - first < AMB_NOISE_BLOCK) ? n - first : AMB_NOISE_BLOCK;
+      amb_many_noise(run->key, AMB_NOISE_STREAMS * (uint32_t)c + stream, first, count, normal);
       for (size_t i = 0; i < count; i++)
-        to[(first + i) * columns + c] = (amb_real)(std[c] * drawn[i]);
+        to[(first + i) * columns + c] = (amb_real)(std[c] * normal[i]);
     }
 }
 
@@ -121,8 +121,8 @@ static void judge(amb_many_run *run, const amb_loop_output *all)
     amb_figures_of(run, f, &tally[f]);
 }
 
-void amb_many_alone(amb_many_run *run, amb_real *noise_u, amb_real *noise_y, unsigned char *touched,
-                    amb_loop_output *to)
+void amb_many_one(amb_many_run *run, amb_real *noise_u, amb_real *noise_y, unsigned char *touched,
+                  amb_loop_output *to)
 {
   const amb_plant *plant = &run->loop->plant;
   draw(run->noise_u, run, run->std_u, AMB_NOISE_CONTROL, (size_t)plant->axes, noise_u);

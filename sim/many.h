@@ -25,7 +25,7 @@ typedef struct amb_noise_key {
 #define AMB_NOISE_SENSOR 1U   /* white, on the measurement */
 #define AMB_NOISE_STREAMS 64U /* distance from the streams of an axis to those of the next */
 
-#define AMB_NOISE_DRAWN 64U /* samples generated together */
+#define AMB_NOISE_BLOCK 64U /* samples generated together */
 
 /* Figures of a run, of the worst axis where they concern an axis; NaN if not applicable. */
 typedef enum amb_figure {
@@ -85,8 +85,8 @@ unsigned int amb_many_group(const amb_many_run *run);
 
 /* A single run with all its samples in `to`, which must have all arrays; noise is written to the
  * two arrays (n x axes, n x sensors), and contact to `touched` (n,). */
-void amb_many_alone(amb_many_run *run, amb_real *noise_u, amb_real *noise_y, unsigned char *touched,
-                    amb_loop_output *to);
+void amb_many_one(amb_many_run *run, amb_real *noise_u, amb_real *noise_y, unsigned char *touched,
+                  amb_loop_output *to);
 
 /* `count` runs of the same nonzero group, at most one per lane (amb_batch_lanes). */
 void amb_many_advance(amb_instructions instructions, amb_many_run *const runs[], size_t count,

@@ -3,7 +3,7 @@
 #define AMBKIT_SIM_MANY_FIGURES_H
 
 #include "many.h"
-#include "noise_drawn.h"
+#include "noise_block.h"
 
 #define AMB_TALLY(name) amb_##name
 #define amb_judged double

@@ -5,8 +5,9 @@
 amb_real amb_parts_voltage(const amb_parts *parts, amb_real scale, amb_real i, amb_real rate,
                            amb_real x, amb_real v)
 {
-  const amb_real gap = parts->s0 - x, L = 2 * (scale * parts->k) / gap, whole = parts->i0 + i;
-  return L * rate + (parts->R + L * v / gap) * whole;
+  const amb_real gap = parts->s0 - x, L = 2 * (scale * parts->k) / gap,
+                 coil_current = parts->i0 + i;
+  return L * rate + (parts->R + L * v / gap) * coil_current;
 }
 
 amb_real amb_parts_rate(const amb_parts *parts, amb_real scale, amb_real i, amb_real demanded,

@@ -221,11 +221,11 @@ def test_the_state_is_in_the_filter_and_in_its_c(copy, tmp_path):
         copy,
         f"""
 import ambkit
-from ambkit.simulation.recording import drawn
+from ambkit.simulation.recording import noise_samples
 steady = ambkit.preset("zittau_axial")
 bearing = steady.replace(sensor__drift="1e6 um^2/s")
 record = ambkit.simulate(bearing, ambkit.Scenario(duration=0.1)).record
-_, white = drawn(steady, ambkit.Scenario(), len(record))
+_, white = noise_samples(steady, ambkit.Scenario(), len(record))
 zero = record["y"] - record["x_m"] - white[:, 0]
 assert abs(zero[0]) < 1e-12 < abs(zero[1]) < 1e-4, zero
 assert 1e-5 < abs(zero).max() < 2e-3, zero  # a random walk to 0.3 mm rms

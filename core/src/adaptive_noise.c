@@ -50,7 +50,7 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
 }
 
 /* The estimated noise within its limits, or the nominal one where it is not estimated. */
-static amb_real found(amb_real noise, amb_real nominal, amb_real most)
+static amb_real estimated(amb_real noise, amb_real nominal, amb_real most)
 {
   return ((noise >= (nominal / most)) && (noise <= (nominal * most))) ? noise : nominal;
 }
@@ -64,10 +64,10 @@ static void renew(const amb_estimator *self, amb_adaptive_noise_state *s)
   amb_real var_y[AMB_SENSORS];
   amb_real var_d[AMB_NOISES];
   for (int r = 0; r < amb_sensors(model); r++) {
-    var_y[r] = found(s->kf.set.var_y[r], nominal->var_y[r], a->most);
+    var_y[r] = estimated(s->kf.set.var_y[r], nominal->var_y[r], a->most);
   }
   for (int k = 0; k < amb_noises(model); k++) {
-    var_d[k] = found(s->kf.set.var_d[k], nominal->var_d[k], a->most);
+    var_d[k] = estimated(s->kf.set.var_d[k], nominal->var_d[k], a->most);
   }
   s->kf = *self->kf;
   if (a->measurement) {

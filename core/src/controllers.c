@@ -162,7 +162,7 @@ amb_status amb_controllers_step(const amb_controllers *c, amb_pid_state pid[], c
     }
   }
   for (int j = 0; j < c->pids; j++) {
-    const amb_real wanted =
+    const amb_real reference =
         (c->reference != NULL) ? dot(c->axes, &c->reference[j * c->axes], r) : r[j];
     const amb_real at = dot(n, &c->position[j * n], x);
     amb_real e;
@@ -177,15 +177,15 @@ amb_status amb_controllers_step(const amb_controllers *c, amb_pid_state pid[], c
       now = scheduled(c, j, speed);
       law = &now;
     }
-    status |= amb_pid_step(law, &pid[j], wanted, at, known, &e);
+    status |= amb_pid_step(law, &pid[j], reference, at, known, &e);
     for (int f = 0; f < c->axes; f++) {
       iu[f] += c->spread[(f * c->pids) + j] * e;
     }
   }
   for (int f = 0; f < c->axes; f++) {
-    const amb_real asked = iu[f];
-    iu[f] = amb_clamp(asked, c->iu_min[f], c->iu_max[f]);
-    if ((iu[f] < asked) || (iu[f] > asked)) {
+    const amb_real demanded = iu[f];
+    iu[f] = amb_clamp(demanded, c->iu_min[f], c->iu_max[f]);
+    if ((iu[f] < demanded) || (iu[f] > demanded)) {
       status |= AMB_SATURATED;
     }
   }

@@ -55,20 +55,20 @@ static void add_block(const sum_of_rows *sum, int at, amb_real *to)
   to[7] = s7;
 }
 
-/* The first `wanted` of n columns of the sum. The last block is aligned with the end of the rows;
+/* The first `columns` of n columns of the sum. The last block is aligned with the end of the rows;
  * its overlap with the previous block is computed twice, with the same result. Columns beyond
- * `wanted` may be written as well. */
-static void add_up(const sum_of_rows *sum, int n, int wanted, amb_real *to)
+ * `columns` may be written as well. */
+static void add_up(const sum_of_rows *sum, int n, int columns, amb_real *to)
 {
   if (sum->count == 0) {
-    amb_clear(wanted, to);
+    amb_clear(columns, to);
   } else if (n >= BLOCK) {
-    for (int at = 0; at < wanted; at += BLOCK) {
+    for (int at = 0; at < columns; at += BLOCK) {
       const int from = (at + BLOCK <= n) ? at : (n - BLOCK);
       add_block(sum, from, &to[from]);
     }
   } else {
-    for (int j = 0; j < wanted; j++) {
+    for (int j = 0; j < columns; j++) {
       amb_real total = sum->value[0] * sum->row[0][j];
       for (int k = 1; k < sum->count; k++) {
         total += sum->value[k] * sum->row[k][j];

@@ -27,9 +27,9 @@ AMB_INLINE amb_real amb_step_current(const amb_kalman *kf, amb_kalman_state *sta
     } else {
       *status |= AMB_BAD_CONTROL;
     }
-    const amb_real asked = set->k_ui[c] * state->last_u[c];
-    iu = amb_clamp(asked, set->iu_min[c], set->iu_max[c]);
-    if ((iu < asked) || (iu > asked)) {
+    const amb_real demanded = set->k_ui[c] * state->last_u[c];
+    iu = amb_clamp(demanded, set->iu_min[c], set->iu_max[c]);
+    if ((iu < demanded) || (iu > demanded)) {
       *status |= AMB_SATURATED;
     }
   }

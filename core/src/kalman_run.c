@@ -99,14 +99,14 @@ amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet magnet[AMB_FORC
   const amb_kalman own = *kf; /* copies: the compiler can assume that no output aliases them */
   const amb_kalman_history h = *history;
   const amb_kalman_input in = *input;
-  const bool given = (in.k_i != NULL) && (in.k_s != NULL);
+  const bool known_stiffness = (in.k_i != NULL) && (in.k_s != NULL);
   if (in.n == 0) {
     return AMB_OK;
   }
   /* The first sample has only a measurement update, with the first stiffnesses. */
   const amb_real none[AMB_CONTROLS] = {0};
   amb_kalman_result first;
-  if (given) {
+  if (known_stiffness) {
     amb_step_given(&own, in.k_i, in.k_s, 0, first.stiffness);
   } else {
     amb_step_stiffnesses(&own, magnet, none, state->mean, first.stiffness);
@@ -114,7 +114,7 @@ amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet magnet[AMB_FORC
   first.status = amb_kalman_update(&own, state, in.y, &first);
   amb_kalman_note(&own, state, &first, 0, &h);
   amb_status rest = AMB_OK;
-  if (given) {
+  if (known_stiffness) {
     rest = go_on(&own, magnet, state, &in, GIVEN, &first, &h);
   } else if (all_constant(&own, magnet)) {
     rest = go_on(&own, magnet, state, &in, CONSTANT, &first, &h);

@@ -25,14 +25,14 @@ bool amb_sequence_on(const amb_sequence_state *state)
 /* Counter of consecutive samples, limited to `limit` + 1. */
 static unsigned int counted(unsigned int in_a_row, bool one_more, unsigned int limit)
 {
-  unsigned int found = in_a_row;
+  unsigned int count = in_a_row;
   if (!one_more) {
-    found = 0U;
+    count = 0U;
   } else if (in_a_row <= limit) {
-    found = in_a_row + 1U;
+    count = in_a_row + 1U;
   } else { /* limited */
   }
-  return found;
+  return count;
 }
 
 static void rise(const amb_sequence *sequence, amb_sequence_state *state)

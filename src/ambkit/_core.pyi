@@ -435,7 +435,7 @@ def run_angle(settings: dict[str, Any], readings: Any) -> dict[str, Any]:
 class Control:
     """The whole controller (ambkit/control.h)."""
 
-    def __init__(self, estimator: Estimator, given: dict[str, Any]) -> None: ...
+    def __init__(self, estimator: Estimator, fields: dict[str, Any]) -> None: ...
 
     def run(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], r: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], speed: float = 0, transferred: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, recorded: dict[str, Any] | None = None) -> dict[str, Any]:
         """

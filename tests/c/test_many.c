@@ -3,7 +3,7 @@
 #include "ambkit/observer.h"
 #include "family.h"
 #include "lanes_run.h"
-#include "noise_drawn.h"
+#include "noise_block.h"
 #include "plant_axis.h"
 #include <math.h>
 
@@ -163,7 +163,7 @@ static void compare(const amb_estimator_methods *methods, const void *own, bool 
   for (size_t i = 0; i < runs; i++) {
     fill(&all[i], i, n, methods, own, fed_by_estimate);
     amb_loop_output to = output();
-    amb_many_alone(&all[i].run[0], noise[0], noise[1], touched, &to);
+    amb_many_one(&all[i].run[0], noise[0], noise[1], touched, &to);
     beside[i] = &all[i].run[1];
   }
   if (amb_many_group(beside[0]) == 0U)
@@ -200,14 +200,14 @@ int main(void)
   }
   fill(&all[0], 0, SAMPLES, &amb_kalman_methods, NULL, true);
   amb_loop_output to = output();
-  amb_many_alone(&all[0].run[0], noise[0], noise[1], touched, &to);
+  amb_many_one(&all[0].run[0], noise[0], noise[1], touched, &to);
   const double *figures = all[0].run[0].figures;
   CHECK((figures[AMB_TOUCHED] == 0.0) && (figures[AMB_LOAD_KEPT] == 3.0));
   CHECK((figures[AMB_X_RMS] > 0.0) && (figures[AMB_X_RMS] < figures[AMB_X_PEAK]));
   fill(&all[0], 0, SAMPLES, &amb_kalman_methods, NULL, true);
   all[0].loop.estimator = NULL;
   all[0].loop.feedback_estimate = false;
-  amb_many_alone(&all[0].run[0], noise[0], noise[1], touched, &to);
+  amb_many_one(&all[0].run[0], noise[0], noise[1], touched, &to);
   CHECK(isnan(figures[AMB_X_RMS]) && (figures[AMB_CONTROL_RMS] > 0.0));
   return 0;
 }

@@ -9,7 +9,7 @@
 #include "ambkit/ud.h"
 #include "ambkit/unscented.h"
 #include "loop.h"
-#include "noise_drawn.h"
+#include "noise_block.h"
 #include "settings.h"
 
 #define EXPORT(name) __attribute__((export_name(#name)))

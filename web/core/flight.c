@@ -46,12 +46,12 @@ void bench_draw(double seed, uint32_t stream, size_t first, size_t n, size_t str
 {
   const amb_noise_key key = {(uint64_t)seed, 0};
   const double std = sqrt(variance);
-  double drawn[AMB_NOISE_DRAWN];
-  for (size_t done = 0; done < n; done += AMB_NOISE_DRAWN) {
-    const size_t some = (n - done < AMB_NOISE_DRAWN) ? n - done : AMB_NOISE_DRAWN;
-    amb_noise_normal(key, stream, first + done, some, drawn);
+  double normal[AMB_NOISE_BLOCK];
+  for (size_t done = 0; done < n; done += AMB_NOISE_BLOCK) {
+    const size_t some = (n - done < AMB_NOISE_BLOCK) ? n - done : AMB_NOISE_BLOCK;
+    amb_noise_normal(key, stream, first + done, some, normal);
     for (size_t i = 0; i < some; i++)
-      to[(done + i) * stride] = std * drawn[i];
+      to[(done + i) * stride] = std * normal[i];
   }
 }
 

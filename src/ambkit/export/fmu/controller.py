@@ -60,7 +60,7 @@ def controller_data(of: ControllerStart, precision: CPrecision) -> dict[str, Any
     }
     return {
         "law": law,
-        "flown": {
+        "controller": {
             **{key: law[key] for key in ("sequence", "control")},
             "levitated": of.levitated,
             "coils": of.coils,

@@ -121,7 +121,7 @@ def licences() -> dict[str, str]:
     return texts if own is None else texts | {"license.txt": own}
 
 
-_DATA = ("filter", "rig", "nominals", "pid", "law", "flown", "k_ui", "K_sen")
+_DATA = ("filter", "rig", "nominals", "pid", "law", "controller", "k_ui", "K_sen")
 
 
 def data_files(model: str, **context: Any) -> dict[str, str]:
@@ -137,7 +137,7 @@ def data_files(model: str, **context: Any) -> dict[str, str]:
     files = {"data.c": rendered("data.c.j2", known | values)}
     if values["filter"] or values["law"]:
         in_core = values["filter"] and values["filter"]["in_core"]
-        header_values = {"in_core": in_core} | {k: values[k] for k in ("flown", "law", "k_ui")}
+        header_values = {"in_core": in_core} | {k: values[k] for k in ("controller", "law", "k_ui")}
         files["data.h"] = rendered("data.h.j2", known | header_values)
     return files
 

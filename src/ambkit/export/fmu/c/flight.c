@@ -9,7 +9,7 @@ amb_control amb_flight_control(const amb_estimator *estimator)
 }
 
 void amb_flight_start(const amb_control *control, amb_control_state *state, void *filter,
-                      amb_control_output *flown, const amb_real place[], const amb_real current[])
+                      amb_control_output *output, const amb_real place[], const amb_real current[])
 {
   if (amb_data_levitated) {
     amb_real integral[AMB_DATA_PIDS];
@@ -25,8 +25,8 @@ void amb_flight_start(const amb_control *control, amb_control_state *state, void
   } else {
     amb_control_init(control, state, filter);
   }
-  flown->mode = state->sequence.mode;
-  flown->on = amb_data_levitated;
+  output->mode = state->sequence.mode;
+  output->on = amb_data_levitated;
 }
 
 #ifdef AMB_DATA_SEQUENCED
@@ -35,9 +35,9 @@ bool amb_flight_wanted(const double value[])
   return value[VR_fly] >= 0.5;
 }
 
-void amb_flight_show(const amb_control_output *flown, double value[])
+void amb_flight_show(const amb_control_output *output, double value[])
 {
-  value[VR_mode] = (double)flown->mode;
+  value[VR_mode] = (double)output->mode;
 }
 #else /* always levitated */
 bool amb_flight_wanted(const double value[])
@@ -46,9 +46,9 @@ bool amb_flight_wanted(const double value[])
   return true;
 }
 
-void amb_flight_show(const amb_control_output *flown, double value[])
+void amb_flight_show(const amb_control_output *output, double value[])
 {
-  (void)flown;
+  (void)output;
   (void)value;
 }
 #endif

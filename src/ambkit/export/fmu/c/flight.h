@@ -23,13 +23,13 @@ amb_control amb_flight_control(const amb_estimator *estimator);
 /* At these displacements [m], where the currents [A] hold the rotor; the estimator is already set.
  * */
 void amb_flight_start(const amb_control *control, amb_control_state *state, void *filter,
-                      amb_control_output *flown, const amb_real place[], const amb_real current[]);
+                      amb_control_output *output, const amb_real place[], const amb_real current[]);
 
 /* The command to levitate and the speed of rotation [rad/s], from the inputs. */
 bool amb_flight_wanted(const double value[]);
 amb_real amb_flight_speed(const double value[]);
 
 /* Write its mode. */
-void amb_flight_show(const amb_control_output *flown, double value[]);
+void amb_flight_show(const amb_control_output *output, double value[]);
 
 #endif

@@ -24,12 +24,12 @@ amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
   const amb_estimator estimator = amb_filter_estimator(&model->filter);
   const amb_control control = amb_flight_control(&estimator);
   memset(&model->state, 0, sizeof model->state);
-  memset(&model->flown, 0, sizeof model->flown);
+  memset(&model->output, 0, sizeof model->output);
   amb_filter_at(place, current, mean);
-  amb_filter_start(&model->filter, &model->estimate, &model->flown.estimator, mean);
-  amb_flight_start(&control, &model->state, &model->estimate, &model->flown, place, current);
+  amb_filter_start(&model->filter, &model->estimate, &model->output.estimator, mean);
+  amb_flight_start(&control, &model->state, &model->estimate, &model->output, place, current);
   for (int c = 0; c < AMB_CONTROLS; c++)
-    model->flown.iu[c] = amb_data_levitated ? current[c] : AMB_C(0.0);
+    model->output.iu[c] = amb_data_levitated ? current[c] : AMB_C(0.0);
   model->status = AMB_OK;
   return AMB_OK;
 }
@@ -45,7 +45,7 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
     r[c] = (amb_real)value[FIRST_r + c];
   model->status =
       amb_control_step(&control, &model->state, &model->estimate, y, r, amb_flight_speed(value),
-                       amb_flight_wanted(value), &model->flown);
+                       amb_flight_wanted(value), &model->output);
 }
 
 /* It reads its inputs at the start of a sample only. */
@@ -58,18 +58,18 @@ void amb_unit_part(amb_unit *model, double from, double to, const double value[A
 
 void amb_unit_show(const amb_unit *model, double value[AMB_VARIABLES])
 {
-  const amb_control_output *flown = &model->flown;
+  const amb_control_output *output = &model->output;
   int at = FIRST_coil_0;
   for (int c = 0; c < AMB_CONTROLS; c++) {
-    const amb_real iu = flown->iu[c], bias = amb_data_bias[c];
-    value[at++] = flown->on ? bias + iu : 0;
+    const amb_real iu = output->iu[c], bias = amb_data_bias[c];
+    value[at++] = output->on ? bias + iu : 0;
     if (amb_data_coils[c] > 1)
-      value[at++] = flown->on ? bias - iu : 0;
+      value[at++] = output->on ? bias - iu : 0;
     value[FIRST_u + c] = model->state.u[c];
     value[FIRST_iu + c] = iu;
   }
-  value[VR_on] = flown->on ? 1 : 0;
+  value[VR_on] = output->on ? 1 : 0;
   value[VR_status] = (double)model->status;
-  amb_flight_show(flown, value);
-  amb_estimates_show(&model->estimate, &flown->estimator, NULL, value);
+  amb_flight_show(output, value);
+  amb_estimates_show(&model->estimate, &output->estimator, NULL, value);
 }

@@ -9,7 +9,7 @@ typedef struct amb_unit {
   amb_kalman filter;
   amb_data_state estimate;
   amb_control_state state;
-  amb_control_output flown;
+  amb_control_output output;
   amb_status status; /* of the last step */
 } amb_unit;
 

@@ -242,9 +242,9 @@ amb_answer amb_do_step(amb_instance *self, double time, double step)
                       "not at %.12g s",
                       now, time);
   /* A step that ends within it of a sample ends at the sample. */
-  const double end = part + step / T, whole = (double)(int64_t)(end + 0.5);
-  const bool at_sample = ((end - whole) * T <= tolerance) && ((whole - end) * T <= tolerance);
-  go_on(&self->now, (at_sample && (whole > part) ? whole : end) - part);
+  const double end = part + step / T, nearest = (double)(int64_t)(end + 0.5);
+  const bool at_sample = ((end - nearest) * T <= tolerance) && ((nearest - end) * T <= tolerance);
+  go_on(&self->now, (at_sample && (nearest > part) ? nearest : end) - part);
   return AMB_DONE;
 }
 

@@ -21,7 +21,8 @@ void amb_held_start(const amb_loop *loop, amb_unit *model, const amb_real place[
 {
   amb_loop_state *s = &model->state;
   (void)value;
-  amb_flight_start(loop->control, &s->control, &model->estimate, &s->flown, place, s->demanded);
+  amb_flight_start(loop->control, &s->control, &model->estimate, &s->control_output, place,
+                   s->demanded);
 }
 
 bool amb_held_wanted(const double value[])
@@ -31,8 +32,8 @@ bool amb_held_wanted(const double value[])
 
 void amb_held_show(const amb_unit *model, double value[])
 {
-  const amb_control_output *flown = &model->state.flown;
-  for (int f = 0; !flown->on && (f < amb_data_rig.axes); f++)
+  const amb_control_output *output = &model->state.control_output;
+  for (int f = 0; !output->on && (f < amb_data_rig.axes); f++)
     value[FIRST_f_mag + f] = 0; /* no current, not even the bias */
-  amb_flight_show(flown, value);
+  amb_flight_show(output, value);
 }

@@ -45,29 +45,29 @@ void amb_unit_set_states(amb_unit *model, const double states[])
 
 /* Rates without a hard stop. */
 static void rates(const amb_unit *model, const double value[AMB_VARIABLES],
-                  amb_real found[AMB_PLANT_STATES])
+                  amb_real rate[AMB_PLANT_STATES])
 {
   amb_rig_room room;
   const amb_plant plant = amb_rig_plant(&model->rig, &room);
   const amb_outside outside = amb_rig_outside(&plant, value);
   const amb_acts acts = amb_rig_acts(&model->rig, model->demanded, &outside);
-  amb_plant_rates(&plant, &model->state, &acts, found);
+  amb_plant_rates(&plant, &model->state, &acts, rate);
 }
 
 /* Acceleration against the stop on this side [m/s^2]. */
 static amb_real pressed(const amb_unit *model, const double value[AMB_VARIABLES], int side)
 {
-  amb_real found[AMB_PLANT_STATES];
-  rates(model, value, found);
-  return side * found[1];
+  amb_real rate[AMB_PLANT_STATES];
+  rates(model, value, rate);
+  return side * rate[1];
 }
 
 void amb_unit_slopes(const amb_unit *model, const double value[AMB_VARIABLES], double slopes[])
 {
-  amb_real found[AMB_PLANT_STATES];
-  rates(model, value, found);
+  amb_real rate[AMB_PLANT_STATES];
+  rates(model, value, rate);
   for (int i = 0; i < AMB_CONTINUOUS_STATES; i++)
-    slopes[i] = (i < 2) && (model->held != 0) ? 0 : found[place(i)];
+    slopes[i] = (i < 2) && (model->held != 0) ? 0 : rate[place(i)];
 }
 
 void amb_plant_show_rates(const amb_unit *model, double value[])

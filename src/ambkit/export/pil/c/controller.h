@@ -36,24 +36,24 @@
 
 static void self_test(greeting *hello)
 {
-  rig_selftest_result found;
-  rig_selftest(&found);
-  hello->unequal = found.unequal;
-  hello->wrong_status = found.wrong_status;
-  hello->wrong = found.wrong;
+  rig_selftest_result result;
+  rig_selftest(&result);
+  hello->unequal = result.unequal;
+  hello->wrong_status = result.wrong_status;
+  hello->wrong = result.wrong;
 #if SEVERAL
-  rig_control_selftest(&found);
-  hello->unequal += found.unequal;
-  hello->wrong_status += found.wrong_status;
-  hello->wrong |= found.wrong;
+  rig_control_selftest(&result);
+  hello->unequal += result.unequal;
+  hello->wrong_status += result.wrong_status;
+  hello->wrong |= result.wrong;
 #endif
 }
 
-static void tell_currents(const controller_output *out, answer *said)
+static void tell_currents(const controller_output *out, answer *reply)
 {
-  (void)memcpy(said->coil, &out->coil, sizeof out->coil);
-  (void)memcpy(said->iu, &out->iu, sizeof said->iu);
-  (void)memcpy(said->u, &out->u, sizeof said->u);
+  (void)memcpy(reply->coil, &out->coil, sizeof out->coil);
+  (void)memcpy(reply->iu, &out->iu, sizeof reply->iu);
+  (void)memcpy(reply->u, &out->u, sizeof reply->u);
 }
 
 #endif

@@ -45,25 +45,25 @@ __attribute__((noinline)) static uint32_t stack_bytes(const controller_state *st
   return used_below(top);
 }
 
-static void look(const controller_state *state, const sample *s, answer *said)
+static void look(const controller_state *state, const sample *s, answer *reply)
 {
-  said->instructions = count(controller_step, state, s) - count(nothing, state, s);
-  said->instructions += INSTRUCTIONS_OF_NOTHING;
+  reply->instructions = count(controller_step, state, s) - count(nothing, state, s);
+  reply->instructions += INSTRUCTIONS_OF_NOTHING;
   const uint32_t stack = stack_bytes(state, s);
   deepest = (stack > deepest) ? stack : deepest;
-  said->stack = deepest;
+  reply->stack = deepest;
 }
 
-static void tell(const controller_output *out, amb_status status, answer *said)
+static void tell(const controller_output *out, amb_status status, answer *reply)
 {
   const amb_real mean[] = MEANS(ESTIMATES(out));
-  tell_currents(out, said);
+  tell_currents(out, reply);
   for (int i = 0; i < STATES; i++)
-    said->mean[i] = mean[i];
-  said->status = status;
-  said->mode = (uint32_t)out->mode;
-  said->on = out->on ? 1U : 0U;
-  said->usable = out->usable ? 1U : 0U;
+    reply->mean[i] = mean[i];
+  reply->status = status;
+  reply->mode = (uint32_t)out->mode;
+  reply->on = out->on ? 1U : 0U;
+  reply->usable = out->usable ? 1U : 0U;
 }
 
 /* Work of a slower task: send all stored frames. */
@@ -85,18 +85,18 @@ static bool fly(intptr_t from, intptr_t to, intptr_t file)
   controller_init(&state);
   rig_telemetry_init(&frames);
   while (semihosting_take(from, &s, sizeof s) && (s.counted < 2U)) {
-    static answer said;
+    static answer reply;
     static controller_output out;
-    said.instructions = 0;
-    said.stack = 0;
+    reply.instructions = 0;
+    reply.stack = 0;
     if (s.counted == 1U)
-      look(&state, &s, &said);
+      look(&state, &s, &reply);
     const amb_status status = controller_step(ARGUMENTS(&state, &s, &out));
     (void)rig_telemetry_put(&frames, &out, status);
     if ((++waiting % SENT_EVERY) == 0U && !send(file))
       return false;
-    tell(&out, status, &said);
-    if (!semihosting_give(to, &said, sizeof said))
+    tell(&out, status, &reply);
+    if (!semihosting_give(to, &reply, sizeof reply))
       return false;
   }
   return send(file);

@@ -1,7 +1,7 @@
 /* Noise of several samples at once, in loops that compilers vectorise; many.h defines it. Inline,
  * so that each instruction set has its own version. */
-#ifndef AMBKIT_SIM_NOISE_DRAWN_H
-#define AMBKIT_SIM_NOISE_DRAWN_H
+#ifndef AMBKIT_SIM_NOISE_BLOCK_H
+#define AMBKIT_SIM_NOISE_BLOCK_H
 
 #include "many.h"
 
@@ -114,9 +114,9 @@ AMB_INLINE void amb_philox_rounds(size_t count, uint32_t k, uint32_t l, uint32_t
 }
 
 /* AMB_NOISE_DRAWN variates from sample `first` on, a multiple of that number. */
-AMB_INLINE void amb_noise_drawn(amb_noise_key key, uint32_t stream, size_t first, double *to)
+AMB_INLINE void amb_noise_block(amb_noise_key key, uint32_t stream, size_t first, double *to)
 {
-  enum { PAIRS = AMB_NOISE_DRAWN / 2 };
+  enum { PAIRS = AMB_NOISE_BLOCK / 2 };
   uint32_t a[PAIRS], b[PAIRS], c[PAIRS], d[PAIRS];
   for (size_t i = 0; i < PAIRS; i++) {
     a[i] = (uint32_t)(first / 2 + i);
@@ -125,7 +125,7 @@ AMB_INLINE void amb_noise_drawn(amb_noise_key key, uint32_t stream, size_t first
     d[i] = (uint32_t)(key.run >> 32);
   }
   amb_philox_rounds(PAIRS, (uint32_t)key.seed, (uint32_t)(key.seed >> 32), a, b, c, d);
-  double q[AMB_NOISE_DRAWN];
+  double q[AMB_NOISE_BLOCK];
   for (size_t i = 0; i < PAIRS; i++) {
     amb_double_bits first_word, second_word; /* 52 bits of the four words, as 1 to 2 */
     first_word.bits = (((uint64_t)b[i] << 20) ^ (a[i] >> 12)) | UINT64_C(0x3FF0000000000000);
@@ -133,12 +133,12 @@ AMB_INLINE void amb_noise_drawn(amb_noise_key key, uint32_t stream, size_t first
     q[2 * i] = (first_word.number - 1.5) + 1.1102230246251565e-16; /* never 1/2, never 0 */
     q[2 * i + 1] = (second_word.number - 1.5) + 1.1102230246251565e-16;
   }
-  for (size_t i = 0; i < AMB_NOISE_DRAWN; i++)
+  for (size_t i = 0; i < AMB_NOISE_BLOCK; i++)
     to[i] = amb_normal_central(q[i]);
   /* The tails are gathered, so that they are vectorised as well. */
-  size_t at[AMB_NOISE_DRAWN], others = 0;
-  double share[AMB_NOISE_DRAWN], z[AMB_NOISE_DRAWN];
-  for (size_t i = 0; i < AMB_NOISE_DRAWN; i++) {
+  size_t at[AMB_NOISE_BLOCK], others = 0;
+  double share[AMB_NOISE_BLOCK], z[AMB_NOISE_BLOCK];
+  for (size_t i = 0; i < AMB_NOISE_BLOCK; i++) {
     const double away = q[i] < 0.0 ? -q[i] : q[i];
     at[others] = i;
     share[others] = 0.5 - away;
@@ -156,12 +156,12 @@ AMB_INLINE void amb_noise_drawn(amb_noise_key key, uint32_t stream, size_t first
 AMB_INLINE void amb_noise_normal(amb_noise_key key, uint32_t stream, size_t first, size_t n,
                                  double *to)
 {
-  double drawn[AMB_NOISE_DRAWN];
-  for (size_t at = first - first % AMB_NOISE_DRAWN; at < first + n; at += AMB_NOISE_DRAWN) {
-    amb_noise_drawn(key, stream, at, drawn);
-    for (size_t i = 0; i < AMB_NOISE_DRAWN; i++)
+  double normal[AMB_NOISE_BLOCK];
+  for (size_t at = first - first % AMB_NOISE_BLOCK; at < first + n; at += AMB_NOISE_BLOCK) {
+    amb_noise_block(key, stream, at, normal);
+    for (size_t i = 0; i < AMB_NOISE_BLOCK; i++)
       if ((at + i >= first) && (at + i < first + n))
-        to[at + i - first] = drawn[i];
+        to[at + i - first] = normal[i];
   }
 }
 
