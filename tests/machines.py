@@ -143,9 +143,9 @@ def motion(
           for role in ("position", "velocity", "disturbance force")}  # fmt: skip
     k = ConstantStiffness.of(BEARING)
     law = ClosedLaw(BEARING)
-    wanted = 200.0
+    expected = 200.0
     mass = BEARING.rotor.mass
-    kp, kd = (k.k_s + mass * wanted**2) / k.k_i, 1.4 * wanted * mass / k.k_i
+    kp, kd = (k.k_s + mass * expected**2) / k.k_i, 1.4 * expected * mass / k.k_i
     swing = np.zeros(p) if swing is None else swing
     load = np.zeros(p) if load is None else load
     force = law.in_core(CORE)

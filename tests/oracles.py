@@ -183,10 +183,10 @@ class Pid:
             slope = (x - self.last_x) / self.T
             self.velocity = (self.T_f * self.velocity + self.T * slope) / (self.T_f + self.T)
         self.last_x = x
-        wanted = self.kp * (r - x) + self.integral - self.kd * self.velocity
-        given = min(max(wanted, self.low), self.high)
+        expected = self.kp * (r - x) + self.integral - self.kd * self.velocity
+        given = min(max(expected, self.low), self.high)
         if self.T_t > 0:
-            self.integral += self.T * (self.ki * (r - x) + (given - wanted) / self.T_t)
-        elif given == wanted:
+            self.integral += self.T * (self.ki * (r - x) + (given - expected) / self.T_t)
+        elif given == expected:
             self.integral += self.T * self.ki * (r - x)
         return given

@@ -151,7 +151,7 @@ def test_a_bad_control_signal_teaches_nothing(bad):
 
 
 @pytest.mark.parametrize(
-    ("learner", "name", "value", "told"),
+    ("learner", "name", "value", "message"),
     [
         (Adaline, "rate_force", 0.0, "rate_force must be .* 0 and less than 2, got 0.0"),
         (Adaline, "rate_k", 2.0, "rate_k must be greater than 0 and less than 2, got 2.0"),
@@ -167,8 +167,8 @@ def test_a_bad_control_signal_teaches_nothing(bad):
         (RecursiveLeastSquares, "rate_force", 0.0, "rate_force must be"),
     ],
 )
-def test_arguments_outside_their_range_are_told(learner, name, value, told):
-    with pytest.raises(ValueError, match=told):
+def test_arguments_outside_their_range_are_reported(learner, name, value, message):
+    with pytest.raises(ValueError, match=message):
         learner(BEARING, **{name: value})
 
 

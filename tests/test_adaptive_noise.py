@@ -153,7 +153,7 @@ def test_a_wrong_growth_is_found_in_3_s(wrong, precision):
 
 
 @pytest.mark.parametrize("wrong", [(0.1, 0.1), (0.1, 10.0), (10.0, 0.1), (10.0, 10.0)])
-def test_over_a_window_both_are_told_apart(wrong):
+def test_over_a_window_both_are_reported_apart(wrong):
     seen, whole = found("extended", noise=wrong, adapts="both")
     assert np.abs(seen[35:, 0] - 1).max() < 0.06
     assert ((seen[35:, 1] > 0.5) & (seen[35:, 1] < 2)).all()
@@ -207,7 +207,7 @@ def test_nothing_is_learned_from_what_is_not_used():
     assert estimator.noise == before
 
 
-def test_the_end_of_the_range_is_told():
+def test_the_end_of_the_range_is_reported():
     seen, whole = found("linear", noise=(1e-3, 1.0), most=10.0)
     assert seen[:, 0].max() == pytest.approx(1e-2)
     assert seen[-1, 0] == pytest.approx(1e-2, rel=1e-3)  # what is found moves a little below it
@@ -238,7 +238,7 @@ def test_it_can_be_smoothed():
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         ({"method": "mehra"}, "method must be one of innovation, sage-husa, got 'mehra'"),
         ({"adapts": "control"}, "adapts must be one of measurement, disturbance, both"),
@@ -250,8 +250,8 @@ def test_it_can_be_smoothed():
         ({"most": 1.0}, "most must be greater than 1, got 1.0"),
     ],
 )
-def test_an_option_out_of_range_is_told(options, told):
-    with pytest.raises(ValueError, match=told):
+def test_an_option_out_of_range_is_reported(options, message):
+    with pytest.raises(ValueError, match=message):
         AdaptiveNoise(ambkit.KalmanFilter(BEARING), **options)
 
 

@@ -200,9 +200,9 @@ def motions(case, kind):
     model, s = e.model, e.core.parameters["set"]
     magnet = e.magnet.in_core(core_module())
     k = ConstantStiffness.of(BEARING)
-    k_ui, wanted = float(s["k_ui"][0]), 200.0
-    kp = (k.k_s + BEARING.rotor.mass * wanted**2) / k.k_i
-    kd = 1.4 * wanted * BEARING.rotor.mass / k.k_i
+    k_ui, expected = float(s["k_ui"][0]), 200.0
+    kp = (k.k_s + BEARING.rotor.mass * expected**2) / k.k_i
+    kd = 1.4 * expected * BEARING.rotor.mass / k.k_i
     at = [model.index(name) for name in ("x", "v", "f_d")]
     # Of each source of noise a root; the eigenvalues that rounding makes negative are none.
     roots = []

@@ -24,7 +24,7 @@ STILL = Control(type="lqg", unbalance="compensation")
 FREE = Control(unbalance="force-free")
 
 
-def told(machine, control):
+def filter_for(machine, control):
     synchronous = [] if control.unbalance == "off" else ["unbalance"]
     return KalmanFilter(machine, synchronous=synchronous)
 
@@ -42,7 +42,7 @@ def told(machine, control):
 )
 def test_the_simulated_loop_is_the_models_within_two_percent(control, fed):
     found = ambkit.assess_sweep(
-        TUM, told(TUM, control) if fed else None, control, amplitudes=["1 um"]
+        TUM, filter_for(TUM, control) if fed else None, control, amplitudes=["1 um"]
     )
     (swept,) = found.swept
     assert not swept.limited
@@ -59,7 +59,7 @@ def test_the_simulated_loop_is_the_models_within_two_percent(control, fed):
 )  # fmt: skip
 def test_bodes_integral_holds(control, rpm):
     machine = TUM.model_copy(update={"speed": rpm * math.pi / 30, "unbalance": ()})
-    filter = told(machine, control)
+    filter = filter_for(machine, control)
     found = ambkit.assess(machine, filter, control)
     assert list(found.loops) == [MEASUREMENT] * (control == TILT) + [filter.name]
     for loop in found.loops.values():
@@ -72,7 +72,7 @@ def test_bodes_integral_holds(control, rpm):
 def test_unbalance_is_answered_as_the_simulation_does(control):
     """Force-free, still, or fought: orbit and current at the speed, where the estimate has it."""
     machine = TUM.replace(speed="12000 rpm")
-    filter = told(machine, control)
+    filter = filter_for(machine, control)
     found = ambkit.assess(machine, filter, control).loops[filter.name]
     flight = Scenario(duration=2.5, noise=False, controller=control).fed("estimate")
     record = simulate_run(machine, flight, estimator=filter).record
@@ -114,7 +114,7 @@ def test_what_cannot_be_fed_by_the_measurement_needs_a_filter():
     assert peaks[0] > 1.05 * peaks[2]
 
 
-def test_what_is_said_of_controllers():
+def test_what_is_reported_of_controllers():
     found = ambkit.assess(TUM, "linear", TILT)
     assert list(found.controllers) == ["x", "y", "th_x", "th_y"]
     assert found.to_dict()["control"]["type"] == "translation and tilt"
@@ -142,20 +142,20 @@ def test_the_static_compliance_is_that_of_the_gains_that_fly():
     assert loop.static_compliance(kalman) < 0.7 * loop.static_compliance()
 
 
-@pytest.mark.parametrize(("given", "code", "said"), [
+@pytest.mark.parametrize(("given", "code", "message"), [
     ("lqg", 0, '"type": "lqg"'),
     ("scenario.toml", 0, '"cross_feedback": 0.5'),
     ("nothing", 2, "none of decentralised, translation and tilt, lqg"),
 ])  # fmt: skip
-def test_command(given, code, said, call, tmp_path):
+def test_command(given, code, message, call, tmp_path):
     (tmp_path / "scenario.toml").write_text(
         'duration = "1 s"\n[controller]\nfeedback = "estimate"\ntype = "translation and tilt"\n'
         'cross_feedback = 0.5\n[[disturbance]]\naxis = "A1"\n'
         'force = {type = "constant", value = "5 N"}\n'
     )
-    told = call("assess", "tum_mlps", "--controller", given, "--json")
-    assert told.code == code
-    assert said in told.out + " ".join(told.err.split())
+    result = call("assess", "tum_mlps", "--controller", given, "--json")
+    assert result.code == code
+    assert message in result.out + " ".join(result.err.split())
 
 
 @pytest.mark.parametrize("pid", [Control(type="lqg"), PID(feed_forward=0.5)])
@@ -173,7 +173,7 @@ def test_a_bearings_regulator_and_feed_forward_are_in_its_loop(pid):
 
 def test_a_sine_beside_the_speed_tells_itself_from_what_still_settles():
     """An unbalance that the estimator is told little of settles in 5 s, at the speed: 50 Hz."""
-    filter = told(TUM, FREE)
+    filter = filter_for(TUM, FREE)
     found = ambkit.assess(TUM, filter, FREE)
     rig = _Rig(found.of, filter, found.loops[filter.name].loop, 0)
     assert np.abs(rig.slow).max() ** (1 / TUM.sampling_time) > math.exp(-1 / 5)

@@ -210,11 +210,11 @@ def test_lqg_of_a_machine_stands_beside_the_loops():
     closed = lqg.loop.closed
     rest = closed.C @ np.linalg.solve(np.eye(len(closed.A)) - closed.A, closed.B) + closed.D
     names = [at.name for at in closed.inputs]
-    loads, wanted = (
+    loads, expected = (
         [k for k, name in enumerate(names) if name.startswith(start)] for start in ("f_d_", "r_")
     )
     np.testing.assert_allclose(rest[4:8, loads], 0, atol=1e-9)
-    np.testing.assert_allclose(rest[4:8, wanted], np.eye(4), atol=1e-5)
+    np.testing.assert_allclose(rest[4:8, expected], np.eye(4), atol=1e-5)
 
 
 # ---- the page, and the command
@@ -265,7 +265,7 @@ def test_voltage_and_copper_of_a_machine():
     assert len(over.figures()[1].panels) == 3
 
 
-@pytest.mark.parametrize(("arguments", "said"), [
+@pytest.mark.parametrize(("arguments", "message"), [
     (["ufu_rig", "--verbose"], "Each axis with all other loops closed"),
     pytest.param(
         ["speed", "ufu_rig", "--filter", "none", "--fastest", "3000 rpm"], "to 3000 rpm",
@@ -276,10 +276,10 @@ def test_voltage_and_copper_of_a_machine():
     (["sweep", "zittau_axial", "--amplitudes", "1 um", "--kind", "stepped-sine"],
      "stepped-sine of the simulated loop"),
 ])  # fmt: skip
-def test_command(call, tmp_path, arguments, said):
+def test_command(call, tmp_path, arguments, message):
     done = call("assess", *arguments, "--plot", "p.png")
     assert done.code == 0, done.err
-    assert said in done.out
+    assert message in done.out
     assert (tmp_path / "p.png").is_file()
 
 
@@ -335,7 +335,7 @@ def test_over_speed_goes_through_the_machines_own():
     assert len(over.figures()[1].panels) == 2
 
 
-def test_a_filter_over_speed_is_told_the_speed():
+def test_a_filter_over_speed_is_reported_the_speed():
     fast = UFU.model_copy(update={"speed": 3000.0})
     still = UFU.model_copy(update={"speed": 0.0})
     point = OperatingPoint.of_machine(still)

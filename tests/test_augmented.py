@@ -189,7 +189,7 @@ def test_a_jump_of_k_in_flight_is_found(kind, factor, within, error):
     assert rms(estimate, record, since=2.0) < 0.6 * rms(plain, record, since=2.0)
 
 
-@pytest.mark.parametrize(("kind", "options", "told"), [
+@pytest.mark.parametrize(("kind", "options", "message"), [
     (AugmentedKalmanFilter, {"scale_std": 0.0}, "scale_std must be greater than 0, got 0.0"),
     (AugmentedKalmanFilter, {"wander": -1.0}, "wander must be 0 1/s or more, got -1.0"),
     (AugmentedKalmanFilter, {"least": 1.5}, "limits must be 0 < least <= 1 <= most, got 1.5, 5.0"),
@@ -198,6 +198,6 @@ def test_a_jump_of_k_in_flight_is_found(kind, factor, within, error):
     (MultipleModelFilter, {"scales": (1.0, math.nan)}, "scales must be 2 to 5 positive numbers"),
     (MultipleModelFilter, {"sojourn": 0.0}, "sojourn must be two samples or more"),
 ])  # fmt: skip
-def test_a_parameter_out_of_range_is_told(kind, options, told):
-    with pytest.raises(ValueError, match=told):
+def test_a_parameter_out_of_range_is_reported(kind, options, message):
+    with pytest.raises(ValueError, match=message):
         kind(BEARING, **options)

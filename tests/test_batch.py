@@ -137,7 +137,7 @@ def test_lanes_are_the_runs_one_by_one_faults_and_all(case, precision, every):
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
-def test_outliers_and_surprises_are_told_in_lanes(precision):
+def test_outliers_and_surprises_are_reported_in_lanes(precision):
     y, u = faulty(*records())
     batch = run_many(estimators_of("linear", precision), y, u, history=HISTORY)
     told = Status(int(np.bitwise_or.reduce(batch.flags)))
@@ -235,7 +235,7 @@ def test_arrays_are_written_again():
     assert run_many(one, y[:, :5], u[:, :5], out=first).mean is not kept
 
 
-def test_what_does_not_fit_is_told():
+def test_what_does_not_fit_is_reported():
     y, u = records(4, 10)
     one = KalmanFilter(TWO_SIDED)
     for wrong, told in (

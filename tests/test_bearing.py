@@ -53,7 +53,7 @@ def zittau():
     return Machine.preset("zittau_axial")
 
 
-def test_six_mistakes_are_told_at_once_in_order():
+def test_six_mistakes_are_reported_at_once_in_order():
     with pytest.raises(ConfigError) as caught:
         Machine.from_toml(SIX_MISTAKES, "mine.toml")
     assert str(caught.value).splitlines() == [
@@ -148,21 +148,21 @@ def test_gravity_at_an_angle_pulls_by_its_cosine(zittau, angle, share):
     assert float(held) == pytest.approx(-slanted.weight, abs=1e-9)
 
 
-def test_a_slanted_bearing_s_load_is_told_from_its_weight(zittau):
+def test_a_slanted_bearing_s_load_is_reported_from_its_weight(zittau):
     slanted = zittau.replace(rotor__gravity="45 deg")
     run = ambkit.simulate(slanted, step="0.2 mm", filter="extended")
     assert run.estimate.f_d[1000:].mean() == pytest.approx(0, abs=0.05)  # of 3.6 N of weight
 
 
-@pytest.mark.parametrize(("gravity", "told"), [
+@pytest.mark.parametrize(("gravity", "message"), [
     ("down", 'must be "-x", "+x", "none" or like "45 deg", is "down"'),
     ("50 mm", '"50 mm": mm cannot be converted to rad, write it like "45 deg"'),
     (True, 'true is not a number, write it like "45 deg"'),
 ])  # fmt: skip
-def test_what_is_no_direction_of_gravity_is_told(zittau, gravity, told):
+def test_what_is_no_direction_of_gravity_is_reported(zittau, gravity, message):
     with pytest.raises(ConfigError) as error:
         zittau.replace(rotor__gravity=gravity)
-    assert f"rotor.gravity: {told}" in str(error.value)
+    assert f"rotor.gravity: {message}" in str(error.value)
 
 
 def test_gravity_gives_the_weight_its_sign(zittau):
@@ -200,7 +200,7 @@ def test_mu_0_is_that_of_scipy():
 
 
 @pytest.mark.parametrize(
-    ("lines", "told"),
+    ("lines", "message"),
     [
         ("turns = 200", ["b.toml:6: magnet.pole_area: missing: turns alone do not"]),
         ('pole_area = "4 cm^2"', ["b.toml:6: magnet.turns: missing: pole_area alone does not"]),
@@ -210,16 +210,16 @@ def test_mu_0_is_that_of_scipy():
         ("", ["b.toml:6: magnet.magnet_constant: missing: magnet constant k"]),
     ],
 )
-def test_a_magnet_has_either_a_constant_or_a_coil(zittau, lines, told):
+def test_a_magnet_has_either_a_constant_or_a_coil(zittau, lines, message):
     with pytest.raises(ConfigError) as caught:
         with_magnet(zittau, lines)
-    assert len(caught.value.problems) == len(told)
-    for problem, part in zip(caught.value.problems, told, strict=True):
+    assert len(caught.value.problems) == len(message)
+    for problem, part in zip(caught.value.problems, message, strict=True):
         assert part in problem
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ({"rotor.clearance": 2e-3}, "rotor.clearance: must be less than magnet.air_gap, 2 mm"),
         ({"amplifier.current_limit": 1.6}, "must be at most magnet.bias_current, 1.5 A"),
@@ -236,14 +236,14 @@ def test_a_magnet_has_either_a_constant_or_a_coil(zittau, lines, told):
         ({"sensor.lag": -1e-3}, "sensor.lag: must be greater than 0 s, is -1 ms"),
     ],
 )
-def test_what_cannot_be_is_refused(zittau, change, told):
+def test_what_cannot_be_is_refused(zittau, change, message):
     with pytest.raises(ConfigError) as caught:
         zittau.replace(**change)
-    assert told in str(caught.value)
+    assert message in str(caught.value)
     assert len(caught.value.problems) == 1
 
 
-def test_contradictions_are_told_beside_other_mistakes(zittau):
+def test_contradictions_are_reported_beside_other_mistakes(zittau):
     """The gap is compared although the same table has an unknown key and a wrong one."""
     text = zittau.to_toml().replace('"1 mm"', '"3 mm"').replace("bias_current", "bias")
     with pytest.raises(ConfigError) as caught:
@@ -478,6 +478,6 @@ def test_a_bearing_without_parts_is_written_without_them(zittau):
         ),
     ],
 )  # fmt: skip
-def test_what_is_wrong_with_a_part_is_told_with_its_line(changes, key, text):
+def test_what_is_wrong_with_a_part_is_reported_with_its_line(changes, key, text):
     toml = with_parts(*changes)
     assert problems(toml) == [f"mine.toml:{line_of(toml, key)}: {text}"]

@@ -437,7 +437,7 @@ def test_names_that_nobody_has():
     assert "linear" in expand("all")
 
 
-def test_a_spread_that_no_bearing_survives_is_told():
+def test_a_spread_that_no_bearing_survives_is_reported():
     heavy = BEARING.replace(amplifier__current_limit=0.6)
     with pytest.raises(AmbkitError, match="current_limit"):
         trials(replace(SHORT, spread=Spread.all(0.5)), heavy, 16, 0)

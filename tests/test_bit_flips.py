@@ -60,9 +60,9 @@ def of_machine(kind, precision, out):
     flight = Scenario(
         controller={"feedback": "estimate"}, speed=Ramp(slope=600.0) if turning else None
     )
-    flown = machine(speed=300.0)
-    magnet = None if of == "linear" else learned_magnet(of, flown)
-    made = export_c(flown, magnet, out, kind=of, prefix="rig", precision=precision,
+    run = machine(speed=300.0)
+    magnet = None if of == "linear" else learned_magnet(of, run)
+    made = export_c(run, magnet, out, kind=of, prefix="rig", precision=precision,
                     scenario=flight)  # fmt: skip
     source = flips.source(
         flips.SEVERAL + flips.CONTROLLER, header="rig_control.h", NAME_STATE="rig_control_state",

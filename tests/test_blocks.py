@@ -58,8 +58,8 @@ def test_a_block_is_its_transfer_function(k):
     f = np.array([0.0, 30.0, 400.0, 2000.0, block.exact or 100.0])
     rate = 2 / T if not block.exact else W * block.exact / np.tan(np.pi * block.exact * T)
     mapped = rate * np.tan(np.pi * f * T)
-    wanted = np.array([continuous(1j * w) for w in mapped])
-    np.testing.assert_allclose(answer(block.sections(T), f), wanted, rtol=1e-9, atol=1e-12)
+    expected = np.array([continuous(1j * w) for w in mapped])
+    np.testing.assert_allclose(answer(block.sections(T), f), expected, rtol=1e-9, atol=1e-12)
     assert gain_at_rest(block.sections(T)) == pytest.approx(continuous(0j).real, rel=1e-9)
     for *_, a1, a2 in block.sections(T):  # none at z = -1, which a zero hides and nothing damps
         assert np.abs(np.roots([1.0, a1, a2])).max() < 0.999
@@ -74,8 +74,8 @@ def test_a_system_of_python_control_is_a_block():
         answer(LeadLag(zero=1e12, pole=900 / W).sections(T), np.array([0.0, 500.0])), rtol=1e-6,
     )  # fmt: skip
     late = Control(block=[control.sample_system(continuous, T, "zoh")])
-    wanted = control.sample_system(continuous, T, "zoh")(np.exp(2j * np.pi * 500 * T))
-    np.testing.assert_allclose(answer(sections_of(late.block, T), 500.0), wanted, rtol=1e-9)
+    expected = control.sample_system(continuous, T, "zoh")(np.exp(2j * np.pi * 500 * T))
+    np.testing.assert_allclose(answer(sections_of(late.block, T), 500.0), expected, rtol=1e-9)
 
 
 def test_they_are_data():
@@ -140,7 +140,7 @@ def test_a_notch_is_in_the_margins():
 
 
 @pytest.mark.parametrize(
-    ("block", "said"),
+    ("block", "message"),
     [
         ({"type": "notch", "frequency": "60 kHz"}, "below half the sampling frequency"),
         ({"type": "nocht"}, "did you mean"),
@@ -150,8 +150,8 @@ def test_a_notch_is_in_the_margins():
         (control.ss(THIRD, np.eye(3), np.eye(3), 0 * np.eye(3)), "one input and one output"),
     ],
 )
-def test_what_cannot_be_flown_is_said(block, said):
-    with pytest.raises(AmbkitError, match=said):
+def test_what_cannot_be_flown_is_reported(block, message):
+    with pytest.raises(AmbkitError, match=message):
         sections_of(Control(block=[block]).block, T)
     with pytest.raises(AmbkitError, match="there may be 8"):
         sections_of([Notch(frequency=99.0)] * 9, T)
@@ -169,8 +169,8 @@ def test_a_pid_of_its_own_sensor_is_assessed():
     K = [controller(pid, b, measured=True).response(f)[:, 0, 0] / r.sensor.gain
          for pid, b, r in alone]  # fmt: skip
     P = of.plant.response(f)[:, :4, :4]
-    wanted = np.linalg.inv(np.eye(4) - P @ (np.stack(K, 1)[:, :, None] * np.eye(4)))
-    np.testing.assert_allclose(of.loop().sensitivity(f), wanted, rtol=1e-8, atol=1e-10)
+    expected = np.linalg.inv(np.eye(4) - P @ (np.stack(K, 1)[:, :, None] * np.eye(4)))
+    np.testing.assert_allclose(of.loop().sensitivity(f), expected, rtol=1e-8, atol=1e-10)
 
 
 def test_a_pid_of_what_is_not_there_is_refused():

@@ -138,7 +138,7 @@ def axis(tmp_path_factory):
     return export_of("zittau_axial", "float", tmp_path_factory.mktemp("calibrated"))
 
 
-def flown(of, place, wanted, swap=SWAP):
+def simulated(of, place, expected, swap=SWAP):
     """Fly through readings: currents and loads, the counts, and what is in use in the end."""
     several = not of.machine.single
     loads = "".join(
@@ -146,7 +146,7 @@ def flown(of, place, wanted, swap=SWAP):
     )
     numbers = {
         "y": ",\n".join("{" + ", ".join(f"(amb_real){v:.17g}" for v in row) + "}" for row in of.y),
-        "wanted": ", ".join(f"(amb_real){value:.17g}" for value in wanted.values()),
+        "wanted": ", ".join(f"(amb_real){value:.17g}" for value in expected.values()),
         "swap": swap,
         "rig": "rig_control" if several else "rig",
         "output": "rig_command" if several else "rig_output",
@@ -167,7 +167,7 @@ def flown(of, place, wanted, swap=SWAP):
 
 
 def test_what_is_as_exported_flies_the_same_bits(of, tmp_path):
-    iu, loads, counts, in_use = flown(of, tmp_path, of.exported, swap=0)
+    iu, loads, counts, in_use = simulated(of, tmp_path, of.exported, swap=0)
     assert counts == [1, 0, 1]
     here = of.run(of.controller(of.filter()))
     np.testing.assert_array_equal(iu, here[0])
@@ -179,16 +179,16 @@ def test_other_noise_and_gains_fly_from_the_next_sample_on(of, tmp_path):
     """Those of a filter and a controller that were made with them, to the last bit."""
     gains = {name: 1.1 * v for name, v in of.exported.items() if name.startswith(("kp", "kd"))}
     noise = {name: 1.2 * v for name, v in of.exported.items() if name.startswith("var_y")}
-    wanted = of.exported | gains | noise
-    iu, loads, counts, in_use = flown(of, tmp_path, wanted)
+    expected = of.exported | gains | noise
+    iu, loads, counts, in_use = simulated(of, tmp_path, expected)
     assert counts == [1, 0, 1]
-    np.testing.assert_allclose(in_use, list(wanted.values()), rtol=1e-7)
-    before = flown(of, tmp_path, of.exported)
+    np.testing.assert_allclose(in_use, list(expected.values()), rtol=1e-7)
+    before = simulated(of, tmp_path, of.exported)
     np.testing.assert_array_equal(iu[:SWAP], before[0][:SWAP])
     assert (iu[SWAP:] != before[0][SWAP:]).any(axis=0).all()
     assert (loads[SWAP:] != before[1][SWAP:]).any(axis=0).all()
     # From the start: the same as Python's, which starts as the export does.
-    from_start = flown(of, tmp_path, wanted, swap=0)
+    from_start = simulated(of, tmp_path, expected, swap=0)
     old = of.controller(of.filter())
     other = of.filter(noise=FilterNoise(measurement=tuple(noise.values()) if len(noise) > 1
                                         else next(iter(noise.values()))))  # fmt: skip
@@ -207,9 +207,9 @@ def test_other_noise_and_gains_fly_from_the_next_sample_on(of, tmp_path):
 @pytest.mark.parametrize("name", ["mass", "strong"])
 def test_mass_and_magnet_constant_are_worked_into_the_model(name, of, tmp_path):
     """What acts between two samples goes with both: the load that is found changes."""
-    wanted = {key: v * (1.1 if key.startswith(name) else 1.0) for key, v in of.exported.items()}
-    _, loads, counts, _ = flown(of, tmp_path, wanted, swap=0)
-    _, same, _, _ = flown(of, tmp_path, of.exported, swap=0)
+    expected = {key: v * (1.1 if key.startswith(name) else 1.0) for key, v in of.exported.items()}
+    _, loads, counts, _ = simulated(of, tmp_path, expected, swap=0)
+    _, same, _, _ = simulated(of, tmp_path, of.exported, swap=0)
     assert counts == [1, 0, 1]
     late = slice(600, None)
     if name == "mass":  # it is known, and the load then makes up for the weight that is not there
@@ -221,9 +221,9 @@ def test_mass_and_magnet_constant_are_worked_into_the_model(name, of, tmp_path):
 
 def test_a_rotor_of_another_mass_is_that_of_another_model(axis, tmp_path):
     """What the filter finds with the number is what one finds that was made for such a rotor."""
-    wanted = axis.exported | {"mass": 1.1 * axis.machine.rotor.mass}
-    iu, loads, _, _ = flown(axis, tmp_path, wanted, swap=0)
-    heavy = axis.machine.replace(rotor__mass=wanted["mass"])
+    expected = axis.exported | {"mass": 1.1 * axis.machine.rotor.mass}
+    iu, loads, _, _ = simulated(axis, tmp_path, expected, swap=0)
+    heavy = axis.machine.replace(rotor__mass=expected["mass"])
     old, noise = axis.controller(axis.filter()), FilterNoise(*axis.filter().variances)
     made = KalmanFilter(heavy, noise=noise, precision="float32")
     kept = {key: old.fields[key] for key in START}
@@ -249,25 +249,25 @@ def test_a_rotor_of_another_mass_is_that_of_another_model(axis, tmp_path):
     ],
 )
 def test_what_cannot_be_is_refused_and_the_old_flies_on(name, value, axis, tmp_path):
-    wanted = axis.exported | {name: value}
+    expected = axis.exported | {name: value}
     if value != value or value > 1e38:
-        wanted[name] = 1e39  # infinite in float
-    check_refused(axis, wanted, [name], tmp_path)
+        expected[name] = 1e39  # infinite in float
+    check_refused(axis, expected, [name], tmp_path)
 
 
 def test_numbers_of_each_axis_are_refused_by_their_kinds(of, tmp_path):
     last = {"kp": 30.0, "strong": 2.0, "var_y": -1.0}
-    wanted = of.exported
+    expected = of.exported
     for kind, share in last.items():
-        wanted[[name for name in wanted if name.startswith(kind)][-1]] *= share
-    check_refused(of, wanted, list(last), tmp_path)
+        expected[[name for name in expected if name.startswith(kind)][-1]] *= share
+    check_refused(of, expected, list(last), tmp_path)
 
 
-def check_refused(of, wanted, kinds, place):
-    iu, loads, counts, in_use = flown(of, place, wanted)
+def check_refused(of, expected, kinds, place):
+    iu, loads, counts, in_use = simulated(of, place, expected)
     names = [each.name for each in PARAMETERS]
     assert counts == [1, sum(1 << names.index(kind) for kind in kinds), 0]
-    same = flown(of, place, of.exported)
+    same = simulated(of, place, of.exported)
     np.testing.assert_array_equal(iu, same[0])
     np.testing.assert_array_equal(loads, same[1])
     np.testing.assert_allclose(in_use, list(of.exported.values()), rtol=1e-7)
@@ -299,23 +299,23 @@ def draws(made, n, seed):
     random = np.random.default_rng(seed)
     sets = []
     for k in range(n):
-        wanted = low + random.random(len(low)) * (high - low)
+        expected = low + random.random(len(low)) * (high - low)
         if k % 4 == 1:
-            wanted = np.where(random.random(len(low)) < 0.5, low, high)
+            expected = np.where(random.random(len(low)) < 0.5, low, high)
         elif k % 4 == 2:
-            wanted[random.integers(len(low))] *= 10.0 ** random.choice([-30, -6, -1, 1, 3, 30])
+            expected[random.integers(len(low))] *= 10.0 ** random.choice([-30, -6, -1, 1, 3, 30])
         elif k % 4 == 3:
-            wanted = wanted * 10.0 ** random.uniform(-3, 3, len(low))
-        sets.append(wanted)
+            expected = expected * 10.0 ** random.uniform(-3, 3, len(low))
+        sets.append(expected)
     number = np.float32 if made.precision == "float" else np.float64
     kinds = [each.name for each in PARAMETERS]
     of = [
         max(kinds.index(kind) for kind in kinds if each["name"].startswith(kind)) for each in told
     ]
-    wanted = np.array(sets, number)
-    beyond = (wanted < low.astype(number)) | (wanted > high.astype(number))
+    expected = np.array(sets, number)
+    beyond = (expected < low.astype(number)) | (expected > high.astype(number))
     refused = [sum(1 << kind for kind in {of[i] for i in np.flatnonzero(row)}) for row in beyond]
-    return wanted, np.array(refused)
+    return expected, np.array(refused)
 
 
 @pytest.mark.parametrize(
@@ -372,7 +372,7 @@ needs_readelf = pytest.mark.skipif(
 @needs_readelf
 def test_addresses_come_from_the_program(of, call, tmp_path):
     """Each is where the program itself says that the member is."""
-    flown(of, tmp_path, of.exported)
+    simulated(of, tmp_path, of.exported)
     program = tmp_path / "main"
     assert call("export", "a2l", of.made.folder, "--elf", program, "--out", "rig.a2l").code == 0
     text = (tmp_path / "rig.a2l").read_text()
@@ -412,24 +412,24 @@ def test_another_reads_the_a2l_file(of, tmp_path, big_endian):
     told = of.told
     path.write_text(a2l.text(told, at, "calibration"))
     session = import_a2l(str(path), in_memory=True, loglevel="ERROR")
-    wanted = {each.name: each for each in session.query(model.Characteristic)}
+    expected = {each.name: each for each in session.query(model.Characteristic)}
     shown = {each.name: each for each in session.query(model.Measurement)}
     methods = {each.name: each for each in session.query(model.CompuMethod)}
     kind, real = {"float": ("FLOAT32_IEEE", 4), "double": ("FLOAT64_IEEE", 8)}[of.made.precision]
     n = len(told["parameters"])
     for k, each in enumerate(told["parameters"]):
         one, flies = (f"calibration.{which}.{each['name']}" for which in ("wanted", "in_use"))
-        assert wanted[one].address == at.address + k * real
-        assert (wanted[one].type, wanted[one].deposit) == ("VALUE", "Real")
+        assert expected[one].address == at.address + k * real
+        assert (expected[one].type, expected[one].deposit) == ("VALUE", "Real")
         limits = each["low"], each["high"]
-        assert (wanted[one].lowerLimit, wanted[one].upperLimit) == limits
+        assert (expected[one].lowerLimit, expected[one].upperLimit) == limits
         assert (shown[flies].lowerLimit, shown[flies].upperLimit) == limits
         assert limits[0] <= each["exported"] <= limits[1] < 1e3 * each["exported"]
         assert shown[flies].ecu_address.address == at.address + (n + k) * real
         assert shown[flies].datatype == kind
-        assert methods[wanted[one].conversion].unit == each["unit"]
-    assert wanted["calibration.request"].address == at.address + 2 * n * real
-    assert (len(wanted), len(shown)) == (n + 1, n + 3)
+        assert methods[expected[one].conversion].unit == each["unit"]
+    assert expected["calibration.request"].address == at.address + 2 * n * real
+    assert (len(expected), len(shown)) == (n + 1, n + 3)
     (common,) = session.query(model.ModCommon)
     assert common.byte_order.byteOrder == ("MSB_FIRST" if big_endian else "MSB_LAST")
     session.close()
@@ -437,14 +437,14 @@ def test_another_reads_the_a2l_file(of, tmp_path, big_endian):
 
 @needs_readelf
 @pytest.mark.parametrize(
-    ("elf", "symbol", "said"),
+    ("elf", "symbol", "message"),
     [("program", "nothing", "has no variable nothing"), ("text", "calibration", "is no ELF file")],
 )
-def test_what_is_not_there_is_said(elf, symbol, said, axis, call, tmp_path):
-    flown(axis, tmp_path, axis.exported)
+def test_what_is_not_there_is_reported(elf, symbol, message, axis, call, tmp_path):
+    simulated(axis, tmp_path, axis.exported)
     (tmp_path / "text").write_text("no program")
     path = tmp_path / ("main" if elf == "program" else "text")
     words = ["--elf", str(path), "--symbol", symbol, "--out", str(tmp_path / "rig.a2l")]
     told = call("export", "a2l", axis.made.folder, *words)
     assert told.code == 2
-    assert said in told.err
+    assert message in told.err

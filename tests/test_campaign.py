@@ -164,7 +164,7 @@ def test_what_is_correlated_is_so_and_keeps_its_distribution():
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ('std = "2 %"', 'std = "2 kg"', 's.toml:19: vary[0].std: "2 kg": kg cannot be'),
         ('std = "2 %"', "std = 2", "s.toml:19: vary[0].std: 2 has no unit"),
@@ -188,11 +188,11 @@ def test_what_is_correlated_is_so_and_keeps_its_distribution():
         ('"zittau_axial"', '"nothing.toml"', "nothing.toml: cannot be read"),
     ],
 )
-def test_what_is_wrong_with_a_study_is_said_with_its_line(old, new, said, call):
+def test_what_is_wrong_with_a_study_is_reported_with_its_line(old, new, message, call):
     Path("s.toml").write_text(STUDY.replace(old, new, 1))
     code, _, err = call("check", "s.toml")
     assert code == 2
-    assert said.replace("s.toml: ", "") in err
+    assert message.replace("s.toml: ", "") in err
     assert call("campaign", "run", "s.toml", "--folder", "o")[0] == 2
     assert not Path("o").exists()
 
@@ -256,7 +256,7 @@ def test_machines_are_as_the_bearing_would_be_made():
 @pytest.mark.parametrize(("machine", "key", "low"), [
     ("zittau_axial", "rotor.clearance", "1 mm"), ("tum_mlps", "bearing.A.clearance", "0.1 mm"),
 ])  # fmt: skip
-def test_a_machine_that_cannot_be_is_told_and_counts_as_bad(machine, key, low):
+def test_a_machine_that_cannot_be_is_reported_and_counts_as_bad(machine, key, low):
     nominal = ambkit.Machine.preset(machine).bearings[0].magnet.air_gap
     wide = Uniform(what=key, low=low, high=f"{1.5 * nominal} m")
     a = Plan(Study(name="a", machine=machine, vary=(wide,), runs=8, scenario={"duration": 0.005}))
@@ -267,7 +267,7 @@ def test_a_machine_that_cannot_be_is_told_and_counts_as_bad(machine, key, low):
     np.testing.assert_array_equal(np.isnan(rows["f_d_rms"]), impossible)
 
 
-def test_a_mass_below_zero_is_told():
+def test_a_mass_below_zero_is_reported():
     negative = varied("sobol", Uniform(what="rotor.mass", low=-0.1, high=0.5), runs=4)
     wrong = [d.wrong for d in negative.machines(np.array([[-0.1]]), np.zeros(1, np.uint64), 0)]
     assert wrong == ["rotor.mass is -0.1 kg"]
@@ -280,8 +280,8 @@ def test_a_mass_below_zero_is_told():
 def test_the_controller_goes_by_the_nominal_gains(key, values, feedback):
     """Twice the gain is twice the loop's gain: as if all gains of the controller were doubled."""
     gain = Choice(what=key, values=values)
-    flown = ambkit.Scenario(duration=0.02, noise=False).fed(feedback)
-    a = varied("grid", gain, scenario=flown)
+    simulated = ambkit.Scenario(duration=0.02, noise=False).fed(feedback)
+    a = varied("grid", gain, scenario=simulated)
     one, more = a.machines(a.points(0, 2), a.noise(0, 2), 0)
     pid = one.planned.scenario.controller
     assert more.planned.scenario.controller.kp == pytest.approx(1.2 * pid.kp)
@@ -414,7 +414,7 @@ def test_a_replay_is_the_run_of_the_rows(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("spoil", "said"),
+    ("spoil", "message"),
     [
         (lambda f: Path(f, "campaign.json").write_text("{"), "is no JSON"),
         (lambda f: Path(f, "runs/part-000001.parquet").write_bytes(b"PAR1"), "is damaged, delete"),
@@ -426,13 +426,13 @@ def test_a_replay_is_the_run_of_the_rows(tmp_path):
         ),
     ],
 )
-def test_what_is_wrong_with_a_folder_is_said_at_once(spoil, said, call):
+def test_what_is_wrong_with_a_folder_is_reported_at_once(spoil, message, call):
     assert call("campaign", "run", "s.toml", "--folder", "o")[0] == 0
     before = files(Path("o"))
     spoil("o")
     code, _, err = call("campaign", "run", "s.toml", "--folder", "o")
     assert code == 2
-    assert said in err
+    assert message in err
     changed = {name for name, content in files(Path("o")).items() if before[name] != content}
     assert changed <= {"runs/part-000001.parquet"}
 
@@ -453,7 +453,7 @@ def test_a_changed_study_is_not_mixed_in(call):
     assert "there is no campaign in it" in call("campaign", "status", "other")[2]
 
 
-def test_a_full_disk_is_said_and_leaves_what_there_was(call, monkeypatch):
+def test_a_full_disk_is_reported_and_leaves_what_there_was(call, monkeypatch):
     def full(_file):
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -551,6 +551,6 @@ def test_extras_that_are_not_there_are_named(tmp_path, monkeypatch):
         ambkit.tune_robust(study())
 
 
-def test_a_study_that_is_wrong_in_python_is_told_alike():
+def test_a_study_that_is_wrong_in_python_is_reported_alike():
     with pytest.raises(ConfigError, match=r"Study.vary\[0\].what: there is no key rotor.weight"):
         Study(name="a", machine="zittau_axial", runs=3, vary=(Uniform(what="rotor.weight"),))

@@ -146,7 +146,7 @@ def test_ctrl_c_leaves_what_is_gone_on_with(undisturbed):
     assert parts(folder / "stopped") == expected
 
 
-def test_a_file_that_may_not_grow_is_said(undisturbed):
+def test_a_file_that_may_not_grow_is_reported(undisturbed):
     """As a full disk or a quota: the system refuses the write itself."""
     folder, _ = undisturbed
 
@@ -227,7 +227,7 @@ def test_a_scheduler_that_is_started_again_is_given_the_rest(undisturbed):
     assert parts(folder / "scheduler") == expected
 
 
-def test_a_scheduler_that_is_not_there_is_said(undisturbed):
+def test_a_scheduler_that_is_not_there_is_reported(undisturbed):
     folder, _ = undisturbed
     from ambkit.base.errors import AmbkitError
     from ambkit.campaigns.plan import Plan

@@ -271,7 +271,7 @@ def test_quantities_are_called_by_what_they_are_of():
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ('machine = "tum_mlps"', "", "machine: missing"),
         ("runs = 6", 'bearing = "zittau_axial"\nruns = 6', "bearing: unknown key"),
@@ -285,12 +285,12 @@ def test_quantities_are_called_by_what_they_are_of():
         ('"tum_mlps"', '"zittau_axial"', "there is no signal s_A1"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_said(old, new, said):
-    with pytest.raises(ConfigError, match=said):
+def test_what_is_wrong_is_reported(old, new, message):
+    with pytest.raises(ConfigError, match=message):
         Study.from_toml(STUDY.replace(old, new))
 
 
-def test_what_does_not_go_together_is_said_before_any_run():
+def test_what_does_not_go_together_is_reported_before_any_run():
     plan = Plan(Study.from_toml(STUDY.replace('axis = "A1"', 'axis = "C1"')))
     with pytest.raises(AmbkitError, match="no axis C1"):
         plan.check()

@@ -48,18 +48,18 @@ def test_the_bound_of_the_position_is_that_of_its_column():
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         (("--case", "saturating"), "can be simulated for a machine with one axis only"),
         (("--filter", "low-pass"), "takes one axis"),
         (("--plant", "map.csv"), "plant is the magnet of one axis, and tum_mlps has 4"),
     ],
 )
-def test_what_a_machine_cannot_be_compared_in_is_one_sentence(options, said, call):
+def test_what_a_machine_cannot_be_compared_in_is_one_sentence(options, message, call):
     chosen = () if "--filter" in options else ("--filter", "linear")
     told = call("compare", "tum_mlps", "--seeds", "1", *chosen, *options)
     assert told.code == 2
-    assert said in told.err
+    assert message in told.err
 
 
 @pytest.mark.parametrize("name", ["uncertain", "wrong-k", "coloured-noise"])

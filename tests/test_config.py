@@ -53,7 +53,7 @@ def test_a_good_file_is_read_in_si():
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         ('"30 cm"', "0.3", '3: wheel.radius: 0.3 has no unit, write it like "30 cm"'),
         ('"30 cm"', '"30 s"', '3: wheel.radius: "30 s": s cannot be converted to m, write it like'),
@@ -80,15 +80,15 @@ def test_a_good_file_is_read_in_si():
         ('[wheel]\nradius = "30 cm"', "wheel = 3", "2: wheel: must be a table, is 3"),
     ],
 )
-def test_one_mistake_gives_one_line_that_says_where_and_what(old, new, told):
+def test_one_mistake_gives_one_line_that_says_where_and_what(old, new, message):
     """One problem each, with the right line number: no follow-up message for the same mistake."""
     found = problems(GOOD.replace(old, new))
     assert len(found) == 1
-    assert told in found[0]
+    assert message in found[0]
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("name = mine", '1: name: write it in quotes: name = "mine"'),
         ('name = "a"\nname = "b"', "2: name: is written twice in this table"),
@@ -100,8 +100,8 @@ def test_one_mistake_gives_one_line_that_says_where_and_what(old, new, told):
         ("x = True", "1: x: write it: x = true"),
     ],
 )
-def test_wrong_syntax_is_told_with_its_line(text, told):
-    assert any(told in problem for problem in problems(text))
+def test_wrong_syntax_is_reported_with_its_line(text, message):
+    assert any(message in problem for problem in problems(text))
 
 
 def test_after_a_mistake_of_clear_meaning_the_rest_is_still_checked():
@@ -121,7 +121,7 @@ def test_lines_of_dotted_quoted_and_repeated_keys():
     assert lines["i", 1, "k", "l"] == 10
 
 
-def test_in_python_all_mistakes_are_told_too():
+def test_in_python_all_mistakes_are_reported_too():
     with pytest.raises(ConfigError, match=r"Wheel\.radius: must be greater than 0 m, is -1 m"):
         Wheel(radius=-1)
     with pytest.raises(ConfigError) as caught:

@@ -90,7 +90,7 @@ for line in {lines!r}:
 
 def test_there_is_an_example_for_each_thing_to_add():
     heads = re.findall(r"^## An? (.*)$", TEXT, re.MULTILINE)
-    wanted = [
+    expected = [
         "magnet law",
         "state",
         "sensor",
@@ -100,9 +100,9 @@ def test_there_is_an_example_for_each_thing_to_add():
         "file format",
         "command",
     ]
-    assert heads == wanted
+    assert heads == expected
     texts = re.split(r"^## An? .*$", TEXT, flags=re.MULTILINE)[1:]
-    for head, text in zip(wanted, texts, strict=True):
+    for head, text in zip(expected, texts, strict=True):
         assert "```python" in text or "```toml" in text, head
 
 

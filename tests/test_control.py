@@ -136,15 +136,15 @@ def test_no_bump_where_it_takes_over():
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "message"),
     [
         ({"type": "lqg", "feedback": "measurement"}, 'feedback must be "estimate"'),
         ({"feed_forward": 1.0, "feedback": "measurement"}, 'feedback must be "estimate"'),
         ({"feed_forward": -1.0}, "feed_forward"),
     ],
 )
-def test_what_cannot_be_fed_back_is_refused(wrong, said):
-    with pytest.raises(AmbkitError, match=said):
+def test_what_cannot_be_fed_back_is_refused(wrong, message):
+    with pytest.raises(AmbkitError, match=message):
         Control(**wrong)
 
 
@@ -311,7 +311,7 @@ def test_the_command_writes_it(call, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (
             ["tum_mlps", "--add", "calibration", "--filter", "augmented"],
@@ -321,8 +321,8 @@ def test_the_command_writes_it(call, tmp_path):
         (["zittau_axial", "--editable"], "editable applies to filters only"),
     ],
 )
-def test_what_is_not_exported_is_said(words, said, call):
+def test_what_is_not_exported_is_reported(words, message, call):
     Path("s.toml").write_text('duration = "0.1 s"\n')
     told = call("export", "c", *words, "--out", "out", "--controller", "s.toml")
     assert told.code == 2
-    assert said in told.err
+    assert message in told.err

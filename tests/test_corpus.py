@@ -32,7 +32,7 @@ FREE = ("magnet_constant", "air_gap", "current_offset", "measurement_noise", "po
 Array = NDArray[np.float64]
 
 
-def flown(seed, k=1.0, duration=3.0):
+def simulated(seed, k=1.0, duration=3.0):
     plant = BALL.replace(magnet__magnet_constant=k * BALL.magnet.magnet_constant)
     reference = Sine(amplitude=1.5e-3, frequency=0.6 + 0.3 * seed)
     return simulate(plant, Scenario(duration=duration, seed=seed, reference=reference)).record
@@ -46,14 +46,14 @@ def smoothed(record):
 
 @pytest.fixture(scope="module")
 def corpus():
-    logs = {f"log {seed}": flown(seed) for seed in range(3)} | {"quiet": smoothed(flown(5))}
+    logs = {f"log {seed}": simulated(seed) for seed in range(3)} | {"quiet": smoothed(simulated(5))}
     level = BALL.replace(
         sensor__position_noise=0.0, magnet__magnet_constant=0.8 * BALL.magnet.magnet_constant
     )
     return identify_corpus(logs, LoopModel(level, disturbance_noise=1e-4), FREE)
 
 
-def test_a_magnet_that_is_not_as_described_is_told_beside_the_amplitude(corpus):
+def test_a_magnet_that_is_not_as_described_is_reported_beside_the_amplitude(corpus):
     told = corpus.strength_loss
     assert list(told.flights) == list(corpus.by_log)
     assert abs(np.log(told.factor / 0.8)) < 3 * told.factor_error
@@ -122,7 +122,7 @@ def test_good_is_what_no_baseline_knows_more_of():
 
 def test_a_filter_that_knows_the_truth_loses_to_no_model_that_knows_as_much():
     """Given later controls it does: as they answer to the motion, they lead it astray."""
-    quiet = {str(n): flown(n, duration=4.0).between(0.5, None) for n in range(4)}
+    quiet = {str(n): simulated(n, duration=4.0).between(0.5, None) for n in range(4)}
     others = Baselines.joint(Baselines.of([[quiet[name]] for name in "123"]))
     naive = in_the_mean([tune(quiet[name]["y"], BALL.sampling_time) for name in "123"])
     truth = LoopModel(BALL, disturbance_noise=1e-8, substeps=1)
@@ -143,7 +143,7 @@ def test_a_filter_that_knows_the_truth_loses_to_no_model_that_knows_as_much():
 
 
 def test_a_log_is_cut_where_it_does_not_fly():
-    record = flown(0, duration=5.0)
+    record = simulated(0, duration=5.0)
     y, u = record["y"].copy(), record["u"].copy()
     lies = record.t < 1.0
     y[lies] = -9.0e-3 + 1e-6 * np.random.default_rng(0).standard_normal(lies.sum())
@@ -233,7 +233,7 @@ def test_an_arx_model_finds_one_and_knows_only_the_past():
 
 def test_where_offsets_differ_between_logs_the_baselines_are_of_changes():
     """Else those of the other logs would be off wherever a converter has another zero."""
-    logs = [flown(seed) for seed in range(3)]
+    logs = [simulated(seed) for seed in range(3)]
     moved = [with_changed(log, u=log["u"] + 0.2 * k) for k, log in enumerate(logs)]
     same, off = (Baselines.joint(Baselines.of([[log] for log in of])) for of in (logs, moved))
     assert not any(choice.levels for by in off.chosen.values() for choice in by.values())
@@ -256,7 +256,7 @@ def test_what_is_no_corpus_is_refused():
 
 def test_three_logs_on_the_command_line_are_a_corpus(call):
     for seed in range(3):
-        flown(seed, duration=3.0).save(f"{seed}.csv")
+        simulated(seed, duration=3.0).save(f"{seed}.csv")
     code, out, err = call(
         "identify", "corpus", "inteco_ml", "0.csv", "1.csv", "2.csv", "--free", "magnet_constant",
         "--free", "measurement_noise", "--free", "position_noise", "--free", "disturbance_noise",
@@ -271,7 +271,7 @@ def test_three_logs_on_the_command_line_are_a_corpus(call):
         "Cross-validation: each log predicted by a model of the others"
         in Path("all.html").read_text()
     )
-    assert ambkit.Estimator.load("kf.toml").run(flown(7)).nis[300:].mean() < 1.3
+    assert ambkit.Estimator.load("kf.toml").run(simulated(7)).nis[300:].mean() < 1.3
 
 
 def moved_along_an_axis(machine, seed, duration):
@@ -353,7 +353,7 @@ def with_changed(record, **changes):
 
 @pytest.mark.long
 def test_spikes_and_missing_samples_of_logs_spoil_nothing():
-    logs = {name: flown(seed) for seed, name in enumerate("abc", start=1)}
+    logs = {name: simulated(seed) for seed, name in enumerate("abc", start=1)}
     spiked, lost, cut_off = (logs[name]["y" if name != "c" else "u"].copy() for name in "abc")
     spiked[[1500, 2100]] += 3e-3
     lost[1200:1210] = np.nan
@@ -377,7 +377,7 @@ def test_spikes_and_missing_samples_of_logs_spoil_nothing():
 
 
 def test_a_missing_position_is_the_one_before_and_no_target():
-    record = flown(1, duration=0.5)
+    record = simulated(1, duration=0.5)
     y, layout = record["y"].copy(), Layout(("y", "u"), 30)
     y[200:203] = np.nan
     products = layout.products(with_changed(record, y=y))

@@ -36,7 +36,7 @@ offset = "-0.94 V"
 """
 
 
-def flown(seed):
+def simulated(seed):
     places = (3e-4, -3e-4, 2e-4, -2e-4, 3e-4, -2e-4, 2e-4, -3e-4, 1e-4, 0.0)
     times = tuple(0.05 + 0.12 * k for k in range(len(places)))
     reference = ambkit.Sequence(times=times, values=places)
@@ -58,7 +58,7 @@ def logged(record, path):
 def rig(tmp_path_factory):
     folder = tmp_path_factory.mktemp("rig")
     for seed in (1, 2):
-        logged(flown(seed), folder / f"log{seed}.csv")
+        logged(simulated(seed), folder / f"log{seed}.csv")
     (folder / "map.toml").write_text(MAP)
     return folder, made(folder)
 
@@ -77,7 +77,7 @@ def test_the_filter_is_nearly_as_good_as_one_that_was_told_everything(rig):
     told = ambkit.ExtendedKalmanFilter(TRUE, noise=ambkit.FilterNoise(*made.variances))
     ours, best, raw = [], [], []
     for seed in range(20, 30):
-        record = flown(seed)
+        record = simulated(seed)
         late = slice(500, None)
         a = made.run_raw(10 - 1e3 * record["y"], record["u"] + 0.94)
         b = told.run(record)
@@ -111,7 +111,7 @@ def test_the_c_gives_python_s_bits_on_the_rig_s_own_numbers(rig, tmp_path):
     if compiler is None:
         pytest.skip("no C compiler (gcc or clang) here")
     folder, _ = rig
-    y, u = logged(flown(7), tmp_path / "log.csv")
+    y, u = logged(simulated(7), tmp_path / "log.csv")
     numbers = "\n".join(f"{a!r} {b!r}" for a, b in zip(y.tolist(), u.tolist(), strict=True))
     (tmp_path / "run.c").write_text("""
 #include <stdio.h>

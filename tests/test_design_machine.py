@@ -82,14 +82,14 @@ def test_records_of_a_machine_are_judged_by_simulated_truth_too(tmp_path):
 
 
 @pytest.mark.long
-def test_what_is_beyond_the_ceiling_is_said_and_not_exported(tmp_path):
+def test_what_is_beyond_the_ceiling_is_reported_and_not_exported(tmp_path):
     found = design(TUM, [], tmp_path / "d", kinds=["linear"], max_sensitivity=1.5, runs=1, budget=2)
     assert found.exported is None
     assert "not below 1.5" in found.objections[0]
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "said"),
+    ("arguments", "code", "message"),
     [
         (["assess", "d/filter.toml", "--controller", "d/scenario.toml"], 0, "zone A"),
         (["simulate", "d/machine.toml", "--scenario", "d/scenario.toml", "--filter",
@@ -104,11 +104,11 @@ def test_what_is_beyond_the_ceiling_is_said_and_not_exported(tmp_path):
         (["design", "tum_mlps", "--filter", "observer", "--out", "e"], 2, "takes one axis"),
     ],
 )  # fmt: skip
-def test_commands(arguments, code, said, designed, call, monkeypatch):
+def test_commands(arguments, code, message, designed, call, monkeypatch):
     monkeypatch.chdir(designed.folder.parent)
     told = call(*arguments)
     assert told.code == code, told.err
-    assert said in " ".join((told.out + told.err).split())
+    assert message in " ".join((told.out + told.err).split())
 
 
 # ---- PIDs that are stated
@@ -133,14 +133,14 @@ def test_stated_gains_are_flown_and_the_rest_is_tuned():
     assert tilted.pids()["th_x"].kd == 14.0
 
 
-@pytest.mark.parametrize(("text", "told"), [
+@pytest.mark.parametrize(("text", "message"), [
     ('[controller]\ntype = "lqg"\n[controller.pid.A1]\nkd = "1 A s/m"\n', "has no PID"),
     ('[controller.pid.A1]\nkd = "1 A/m"\n', "2: controller.pid.A1.kd"),
 ])  # fmt: skip
-def test_what_cannot_be_stated_is_told_with_its_line(text, told):
+def test_what_cannot_be_stated_is_reported_with_its_line(text, message):
     with pytest.raises(ConfigError, match="<text>:") as error:
         Scenario.from_toml(text)
-    assert told in str(error.value)
+    assert message in str(error.value)
 
 
 @pytest.mark.parametrize(("kind", "known"), [

@@ -61,8 +61,8 @@ def test_wheels_are_for_all_pythons_that_we_say():
     """The oldest one has a wheel of its own up to the one that the stable ABI begins with."""
     oldest = int(PROJECT["project"]["requires-python"].removeprefix(">=3."))
     stable = int(PROJECT["tool"]["scikit-build"]["wheel"]["py-api"].removeprefix("cp3"))
-    wanted = [f"cp3{minor}-*" for minor in range(oldest, stable + 1)]
-    assert PROJECT["tool"]["cibuildwheel"]["build"] == wanted
+    expected = [f"cp3{minor}-*" for minor in range(oldest, stable + 1)]
+    assert PROJECT["tool"]["cibuildwheel"]["build"] == expected
 
 
 @pytest.mark.parametrize(
@@ -101,9 +101,9 @@ def test_it_works_where_nothing_else_is(kind, tmp_path):
             ["git", "ls-files", "src/ambkit", "core", "sim"],
             cwd=ROOT, capture_output=True, text=True, check=True,
         ).stdout.split()  # fmt: skip
-        wanted = {re.sub(r"^(src/ambkit|(?=core|sim))", "ambkit/", name) for name in tracked}
+        expected = {re.sub(r"^(src/ambkit|(?=core|sim))", "ambkit/", name) for name in tracked}
         inside = set(zipfile.ZipFile(built).namelist())
-        assert {name.replace("//", "/") for name in wanted} <= inside
+        assert {name.replace("//", "/") for name in expected} <= inside
     uv("venv", "--python", sys.executable, tmp_path / "clean")
     python = tmp_path / "clean" / "bin" / "python"
     # As for a stranger: the settings of the checkout would build without what the sdist asks for.

@@ -255,8 +255,8 @@ def moved_behind_half_an_order(bearing, seed, samples=3000, steps=10):
     e = share * weight
     for sample in range(samples):
         f_d = 2.0 if sample > samples // 2 else 0.0
-        wanted = 2e-4 * math.sin(2 * math.pi * 40 * sample * T)
-        u = (weight - f_d - 2.5 * k.k_s * (x - wanted) - 350 * m * v) / k.k_i
+        expected = 2e-4 * math.sin(2 * math.pi * 40 * sample * T)
+        u = (weight - f_d - 2.5 * k.k_s * (x - expected) - 350 * m * v) / k.k_i
         iu = u + rng.normal(0, math.sqrt(bearing.amplifier.noise_variance))
         y = x_m + rng.normal(0, math.sqrt(bearing.sensor.noise_variance))
         rows.append((x, y, u, f_d))

@@ -93,7 +93,7 @@ def test_nodes_of_a_force_divide_its_longer_side(low, high):
 
 
 @pytest.mark.parametrize("name", BEARINGS)
-def test_typical_sizes_are_what_they_are_said_to_be(name):
+def test_typical_sizes_are_what_they_are_reported_to_be(name):
     """Force at twice the bias current; half of it brings the rotor to the stop at that velocity."""
     axis = Machine.preset(name)
     typical, magnet = Typical.of(axis), axis.magnet

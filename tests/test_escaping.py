@@ -306,12 +306,12 @@ def test_errors_and_tables_do_not_move_the_cursor(text, call, capsys):
     assert all(map(str.isprintable, told.err.split("\n")))
 
 
-def test_a_key_of_toml_is_told_in_one_line():
+def test_a_key_of_toml_is_reported_in_one_line():
     with pytest.raises(ConfigError, match=r"b\.toml:1: evil\\nb\.toml:9: mass: unknown key"):
         Machine.from_toml('"evil\\nb.toml:9: mass" = 1\n' + BEARING.to_toml(), "b.toml")
 
 
-def test_half_a_character_in_an_expert_is_told(tmp_path):
+def test_half_a_character_in_an_expert_is_reported(tmp_path):
     text = expert("x").model_dump_json().replace('"source":"x"', r'"source":"a\ud800"')
     (tmp_path / "e.json").write_text(text, encoding="utf-8")
     with pytest.raises(ConfigError, match=r'e\.json:1: source: .*, is "a\\ud800"$'):

@@ -122,7 +122,7 @@ def test_wider_limits_tell_more_and_so_does_more_time():
 
 def test_the_band_that_is_chosen_is_the_best_of_those_tried():
     found = designed(band=None)
-    certainty = dict(found.tried)
+    certainty = dict(found.candidates)
     assert certainty[found.band] == max(certainty.values())
     assert len(certainty) > 8
     own = np.sqrt(7537.5 / 0.518) / (2 * np.pi)

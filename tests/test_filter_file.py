@@ -175,7 +175,7 @@ OF_TUM = f'{HEAD}machine.preset = "tum_mlps"\n'
 OF_CONTACT = f"{OF_TUM}[options]\n".replace("extended", "contact")
 
 
-@pytest.mark.parametrize(("text", "told"), [
+@pytest.mark.parametrize(("text", "message"), [
     ('kind = "extnded"\nsampling_time = "0.25 ms"\nmachine.preset = "zittau_axial"\n',
      '1: kind: there is no filter "extnded"; known: low-pass'),
     (HEAD, "1: machine: missing"),
@@ -212,8 +212,8 @@ OF_CONTACT = f"{OF_TUM}[options]\n".replace("extended", "contact")
     ('kind = "extended"\nsampling_time = "0.25 ms"\nmachine.preset = "zittau_axial"\n[noise]\n'
      'control = ["1 V^2", "1 V^2"]\n', "5: noise.control: must be one number, is 2"),
 ])  # fmt: skip
-def test_what_is_wrong_is_told_with_its_line(text, told, tmp_path):
-    assert any(told in problem for problem in wrong(text, tmp_path)), wrong(text, tmp_path)
+def test_what_is_wrong_is_reported_with_its_line(text, message, tmp_path):
+    assert any(message in problem for problem in wrong(text, tmp_path)), wrong(text, tmp_path)
 
 
 def test_a_file_that_changed_since_is_refused(tmp_path, expert):
@@ -273,7 +273,7 @@ def test_assess_takes_it(arguments, folder, call, monkeypatch):
     )
 
 
-@pytest.mark.parametrize(("arguments", "code", "said"), [
+@pytest.mark.parametrize(("arguments", "code", "message"), [
     (["check", "f.toml"], 0, "ok, filter: linear, for tum_mlps"),
     (["assess", "tum_mlps", "--filter", "f.toml", "--controller", "scenario.toml"], 0,
      "margin, up"),
@@ -288,8 +288,8 @@ def test_assess_takes_it(arguments, folder, call, monkeypatch):
     (["tune", "tum_mlps", "--filter", "linear", "--budget", "2", "--seeds", "1",
       "--out", "g.toml"], 0, "wrote g.toml"),
 ])  # fmt: skip
-def test_commands_take_it(arguments, code, said, folder, call, monkeypatch):
+def test_commands_take_it(arguments, code, message, folder, call, monkeypatch):
     monkeypatch.chdir(folder)
     told = call(*arguments)
     assert told.code == code, told.err
-    assert said in " ".join((told.out + told.err).split())
+    assert message in " ".join((told.out + told.err).split())

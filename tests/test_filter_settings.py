@@ -15,7 +15,7 @@ RECORD = ambkit.simulate(BEARING, Scenario(duration=0.3, seed=2)).record
 
 
 @pytest.mark.parametrize(
-    ("noise", "told"),
+    ("noise", "message"),
     [
         ({"measurement": 0.0}, r"noise.measurement must be greater than 0 m\^2, got 0.0"),
         ({"measurement": -1e-9}, r"noise.measurement must be greater than 0 m\^2, got -1e-09"),
@@ -24,8 +24,8 @@ RECORD = ambkit.simulate(BEARING, Scenario(duration=0.3, seed=2)).record
         ({"disturbance": np.inf}, r"noise.disturbance must be 0 or greater N\^2/s, got inf"),
     ],
 )
-def test_a_variance_out_of_range_is_told_with_name_limit_and_value(noise, told):
-    with pytest.raises(ValueError, match=told):
+def test_a_variance_out_of_range_is_reported_with_name_limit_and_value(noise, message):
+    with pytest.raises(ValueError, match=message):
         KalmanFilter(BEARING, noise=FilterNoise(**noise))
 
 
@@ -38,7 +38,7 @@ def test_no_noise_where_none_is_needed():
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         ({"gravity": "up"}, "gravity must be 'known' or 'disturbance', got 'up'"),
         ({"precision": "float16"}, "precision must be 'float64' or 'float32', got 'float16'"),
@@ -47,8 +47,8 @@ def test_no_noise_where_none_is_needed():
         ({"gate": 0.0}, "gate must be greater than 0 standard deviations, got 0.0"),
     ],
 )
-def test_an_option_out_of_range_is_told(options, told):
-    with pytest.raises(ValueError, match=told):
+def test_an_option_out_of_range_is_reported(options, message):
+    with pytest.raises(ValueError, match=message):
         KalmanFilter(BEARING, **options)
 
 
@@ -88,7 +88,7 @@ def test_stiffnesses_that_are_no_numbers_are_not_predicted_with():
     assert np.isfinite(out["mean"]).all()
 
 
-def test_a_record_that_does_not_fit_is_told():
+def test_a_record_that_does_not_fit_is_reported():
     slow = Record(np.arange(100) * 1e-3, {"y": np.zeros(100), "u": np.zeros(100)})
     with pytest.raises(RecordError, match=r"sampled every 0.001 s, .* sampling_time = 0.0001 s"):
         KalmanFilter(BEARING).run(slow)

@@ -32,7 +32,7 @@ def without(record, name):
     return Record(record.t, {n: record[n] for n in record if n != name}, record.units, record.meta)
 
 
-def test_the_current_is_known_as_well_as_is_said(records):
+def test_the_current_is_known_as_well_as_is_reported(records):
     for record in records[:1]:
         found = smooth_current([record])
         assert found.noise == pytest.approx(SENSOR, rel=0.03)

@@ -189,14 +189,14 @@ def test_its_constant_is_a_scale_of_it(bearing):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         ('"fe.csv"', '"none.csv"', "fe.toml:7: magnet.force_map: "),
         ('"channels.toml"', '"wrong.toml"', "fe.toml:7: magnet.force_map: "),
         ('force_map = "fe.csv"\n', "", "fe.toml:7: magnet.force_channels: is of a force_map"),
     ],
 )
-def test_what_is_wrong_with_a_map_is_told_with_its_line(tmp_path, old, new, told):
+def test_what_is_wrong_with_a_map_is_reported_with_its_line(tmp_path, old, new, message):
     path = fe_map.written(tmp_path)
     channels = (tmp_path / "channels.toml").read_text()
     (tmp_path / "wrong.toml").write_text(channels.replace("f_mag", "F"))
@@ -205,7 +205,7 @@ def test_what_is_wrong_with_a_map_is_told_with_its_line(tmp_path, old, new, told
     path.write_text(text.replace(old, new))
     with pytest.raises(ConfigError) as refused:
         Machine.load(path)
-    assert told in str(refused.value)
+    assert message in str(refused.value)
     assert "Traceback" not in str(refused.value)
 
 

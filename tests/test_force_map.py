@@ -135,7 +135,7 @@ def test_records_decide_the_number_of_nodes():
     assert nodes_for(*random.uniform(-1, 1, (2, 300_000))) == (7, 7)  # the derivatives' memory
 
 
-def test_a_map_of_which_nothing_is_told_is_refused(found):
+def test_a_map_of_which_nothing_is_reported_is_refused(found):
     with pytest.raises(AmbkitError, match="do not determine the magnet force"):
         replace(found, assumed=1e-9).points()
 

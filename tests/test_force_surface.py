@@ -212,7 +212,7 @@ def test_a_law_error_is_positive():
         ForceSurface(BEARING, noisy(*grid(4), 0.1), 0.0)
 
 
-def test_points_beside_the_box_are_told():
+def test_points_beside_the_box_are_reported():
     iu, x = grid(5)
     with pytest.raises(AmbkitError, match="they must overlap with the bearing's range"):
         measured_map(BEARING, noisy(iu + 4, x, 0.1, force=lambda i, x: i))

@@ -101,7 +101,7 @@ T = {"t": [0.0, 1.0]}
 
 
 @pytest.mark.parametrize(
-    ("read", "told"),
+    ("read", "message"),
     [
         (lambda: Record.from_pandas(3), "a DataFrame of pandas is needed, this is a int"),
         (lambda: Record.from_pandas(pandas.DataFrame({"y": [1, 2]})), "the DataFrame has no time: "
@@ -125,14 +125,14 @@ T = {"t": [0.0, 1.0]}
          "is not a complete estimate of ambkit: 'states' is missing"),
     ],
 )  # fmt: skip
-def test_what_is_no_record_is_refused_in_a_line(read, told):
+def test_what_is_no_record_is_refused_in_a_line(read, message):
     with pytest.raises(RecordError) as caught:
         read()
-    assert str(caught.value) == told
+    assert str(caught.value) == message
 
 
 @pytest.mark.parametrize("library", ["pandas", "xarray"])
-def test_a_missing_library_is_told_in_a_line(library, monkeypatch):
+def test_a_missing_library_is_reported_in_a_line(library, monkeypatch):
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(AmbkitError) as caught:
         getattr(RECORD, f"to_{library}")()

@@ -175,16 +175,16 @@ def test_a_shell_completes_commands_and_options(shell, capsys):
         assert name in script
 
 
-@pytest.mark.parametrize(("words", "said"), [
+@pytest.mark.parametrize(("words", "message"), [
     (["exprt"], "there is no command exprt; did you mean export?"),
     (["export", "fm"], "there is no command export fm; did you mean export fmu?"),
     (["--print-completion", "fish"], "takes one of bash, zsh, tcsh"),
     (["identify", "m", "a.csv", "--out", "fitler=f.toml"],
      "there is no fitler=; known: filter, force-map"),
 ])  # fmt: skip
-def test_a_command_line_that_is_none_is_refused(words, said, capsys):
+def test_a_command_line_that_is_none_is_refused(words, message, capsys):
     assert main_of(*words) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def main_of(*words):

@@ -152,7 +152,7 @@ RULE = Expert.from_map(MAP).rules[0].model_dump()
         ({"current_range": [1, 1]}, "e.json:1: current_range: must ascend, is 1 A to 1 A"),
     ],
 )
-def test_a_file_that_is_no_network_is_told_apart(changes, message, tmp_path):
+def test_a_file_that_is_no_network_is_reported_apart(changes, message, tmp_path):
     with pytest.raises(AmbkitError, match=message):
         Expert.load(edited(tmp_path / "e.json", **changes))
 

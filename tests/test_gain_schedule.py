@@ -67,8 +67,8 @@ def test_at_a_speed_it_flies_and_is_assessed_as_the_gains_of_that_speed(
     laws = [law.model_copy(update=update) for law in (SCHEDULED, between(share))]
     step = Step(amplitude=20e-6, time=5e-3)
     scenario = Scenario(duration=0.02, noise=False, reference=step)
-    flown = [ambkit.simulate(one, scenario.replace(controller=law)).record for law in laws]
-    np.testing.assert_array_equal(flown[0]["iu_A1"], flown[1]["iu_A1"])
+    simulated = [ambkit.simulate(one, scenario.replace(controller=law)).record for law in laws]
+    np.testing.assert_array_equal(simulated[0]["iu_A1"], simulated[1]["iu_A1"])
     kalman = KalmanFilter(one) if feedback == "estimate" else None
     loops = [LoopBuilder(one, law).loop(kalman) for law in laws]
     f = np.geomspace(5, 2000, 40)

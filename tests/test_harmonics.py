@@ -11,7 +11,7 @@ from ambkit.simulation.waveforms import Ramp
 TRUE = 20 / SERVICE**2
 
 
-def told(flight, **options):
+def message(flight, **options):
     dirty, _ = spoilt()
     kf = ExtendedKalmanFilter(dirty, synchronous=BOTH, **options)
     record = simulate(dirty, flight, filter=kf).record
@@ -19,7 +19,7 @@ def told(flight, **options):
 
 
 def test_at_constant_speed_there_is_a_covariance_and_no_amplitude():
-    found = told(Scenario(duration=0.3, seed=1))
+    found = message(Scenario(duration=0.3, seed=1))
     assert set(found) == {"U1", "r1_La", "r1_Lb", "r1_Ra", "r1_Rb"}
     for each in found.values():
         assert each.by_start
@@ -36,7 +36,7 @@ def test_at_constant_speed_there_is_a_covariance_and_no_amplitude():
 @pytest.mark.parametrize("duration", [2.05, 2.0507])  # after whole turns, and at 50 degrees
 def test_after_a_run_up_there_is_an_amplitude_with_its_angle(duration):
     dirty, _ = spoilt()
-    found = told(Scenario(duration=duration, seed=1, speed=RUN_UP), noise=steady(dirty))
+    found = message(Scenario(duration=duration, seed=1, speed=RUN_UP), noise=steady(dirty))
     one = found["U1"]
     assert abs(one.amplitude[0] - TRUE) < 4 * one.amplitude[1] < 0.1 * TRUE
     assert abs(one.angle[0] - 0.6) < 4 * one.angle[1] < 0.1
@@ -62,12 +62,12 @@ def test_the_commands_say_so(call, tmp_path):
         ("simulate", "m.toml", "--out", "r.csv"),
         ("filter", "r.csv", "--machine", "m.toml"),
     ):
-        flown = ("--duration", "0.1 s") if words[0] == "simulate" else ()
-        data = call(*words, *flown, *both, "--json").json
+        run = ("--duration", "0.1 s") if words[0] == "simulate" else ()
+        data = call(*words, *run, *both, "--json").json
         data = next(iter(data.get("estimators", {"linear": data}).values()))
         assert data["synchronous"]["U1"]["start_dominates"]
         assert "amplitude" not in data["synchronous"]["U1"]
-        assert "the start carries more" in " ".join(call(*words, *flown, *both).out.split())
+        assert "the start carries more" in " ".join(call(*words, *run, *both).out.split())
 
 
 def test_without_such_states_there_is_nothing_to_say():

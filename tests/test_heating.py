@@ -108,10 +108,10 @@ def test_a_run_up_warms_the_coils_of_a_machine():
     assert same.isolated_axis("A1").coil == WARM.coil
 
 
-@pytest.mark.parametrize(("changes", "said"), [
+@pytest.mark.parametrize(("changes", "message"), [
     ({"coil__temperature_limit": "300 K"}, "must be greater than 313.15 K, what cools it"),
     ({"amplifier__resistance": None}, "with it a coil warms by its current"),
 ])  # fmt: skip
-def test_what_contradicts_itself_is_refused(changes, said):
-    with pytest.raises(AmbkitError, match=said):
+def test_what_contradicts_itself_is_refused(changes, message):
+    with pytest.raises(AmbkitError, match=message):
         WARM.replace(**changes)

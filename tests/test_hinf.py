@@ -76,7 +76,7 @@ def test_of_a_machine_each_axis_has_one(name):
     assert loop.peak < found.loops["measurement"].peak
 
 
-def test_without_slycot_it_is_said_in_a_line(monkeypatch, call):
+def test_without_slycot_it_is_reported_in_a_line(monkeypatch, call):
     monkeypatch.setitem(sys.modules, "slycot", None)
     with pytest.raises(AmbkitError, match=r"pip install ambkit\[hinf\]"):
         ambkit.assess(ZITTAU, "none", beside=["hinf"])

@@ -72,9 +72,9 @@ def test_hdf5_reads_nothing_beyond_its_file(way, name, tmp_path, call):
     with h5py.File(path, "w", userblock_size=512 if name == "log.mat" else 0) as file:
         file["time"] = TIME
         way(file, tmp_path)
-    for wanted in (None, ("time",), ("pos",)):
+    for expected in (None, ("time",), ("pos",)):
         with pytest.raises(RecordError, match=f"^{re.escape(str(path))}: {WAYS_OUT[way]}; nothing"):
-            read_log(path, wanted)
+            read_log(path, expected)
     told = call("read", "guess", path)
     assert told.code == 2
     assert "root:x" not in told.out + told.err

@@ -106,7 +106,7 @@ def test_sensitivity_adds_up_to_the_information():
     assert 1 / np.sqrt(np.sum(alone.sensitivity**2)) == pytest.approx(alone.errors[0], rel=0.01)
 
 
-def test_a_record_without_measurements_is_told():
+def test_a_record_without_measurements_is_reported():
     record = ambkit.simulate(BEARING, SHAKEN.replace(duration=0.05)).record
     nothing = Record(record.t, {"y": np.full(len(record), np.nan), "u": record["u"]})
     with pytest.raises(AmbkitError, match="no measurement"):

@@ -72,7 +72,7 @@ def test_a_log_needs_its_map():
     assert inspect(log, folder / "closed_loop.toml").kind == "record"
 
 
-def test_missing_samples_are_told(bearing, tmp_path):
+def test_missing_samples_are_reported(bearing, tmp_path):
     t = 1e-4 * np.arange(10)
     y = np.where(t < 2.5e-4, np.nan, 0.0)
     ambkit.Record(t, {"y": y, "u": 0 * t}).save(tmp_path / "r.csv")
@@ -98,7 +98,7 @@ def test_missing_samples_are_told(bearing, tmp_path):
         ("a.xyz", "", "unknown kind of file"),
     ],
 )
-def test_problems_are_told_not_raised(tmp_path, name, text, problem):
+def test_problems_are_reported_not_raised(tmp_path, name, text, problem):
     path = tmp_path / name
     path.write_text(text)
     found = inspect(path)
@@ -165,7 +165,7 @@ def test_a_force_with_other_columns_is_checked_with_what_they_mean(tmp_path):
 
 
 @pytest.mark.parametrize("head", ["Strom;Spalt;Kraft", "iu [A];gap [mm];force [N]"])
-def test_a_force_with_other_columns_alone_is_told_how(tmp_path, head):
+def test_a_force_with_other_columns_alone_is_reported_how(tmp_path, head):
     (tmp_path / "fe.csv").write_text(FOREIGN.replace("Strom;Spalt;Kraft", head))
     found = inspect(tmp_path / "fe.csv")
     assert not found.ok
@@ -181,10 +181,10 @@ def test_a_log_without_units_is_not_taken_for_a_force(tmp_path):
     assert not any("measured force" in text for text in inspect(tmp_path / "log.csv").problems)
 
 
-@pytest.mark.parametrize(("steps", "said"), [(40, 0), (80, 1)])
-def test_a_converter_too_coarse_for_the_loop_is_said(bearing, tmp_path, steps, said):
+@pytest.mark.parametrize(("steps", "message"), [(40, 0), (80, 1)])
+def test_a_converter_too_coarse_for_the_loop_is_reported(bearing, tmp_path, steps, message):
     noise = bearing.sensor.noise_variance**0.5
     bearing.replace(sensor__quantisation=steps * noise).save(tmp_path / "coarse.toml")
     told = inspect(tmp_path / "coarse.toml").remarks
-    assert len(told) == said
+    assert len(told) == message
     assert all("80 standard deviations of the sensor's noise" in each for each in told)

@@ -41,17 +41,17 @@ def numbers(thing, at=""):
 
 
 @pytest.fixture(scope="module")
-def flown():
+def run():
     return ambkit.simulate(RICH, FLIES).record
 
 
 @pytest.mark.parametrize(
     ("key", "value"), [(k, v) for k, v in numbers(RICH) if k not in DERIVED], ids=lambda v: str(v)
 )
-def test_each_number_moves_the_plant(flown, key, value):
+def test_each_number_moves_the_plant(run, key, value):
     changed = int(value * 1.25) if key.endswith("turns") else 1.1 * value
     other = ambkit.simulate(RICH.replace(**{key: changed}), FLIES).record
-    same = all(np.array_equal(flown[name], other[name]) for name in ("x", "y", "iu", "f_mag"))
+    same = all(np.array_equal(run[name], other[name]) for name in ("x", "y", "iu", "f_mag"))
     assert not same
 
 

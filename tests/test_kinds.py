@@ -85,7 +85,7 @@ RECOVERED = 2000  # Samples after a fault, 0.2 s, by when every kind has forgott
 
 @kinds
 @pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
-def test_faults_are_told_and_forgotten(kind, fault):
+def test_faults_are_reported_and_forgotten(kind, fault):
     if kind.name == "low-pass" and fault.flag == Status.OUTLIER:
         pytest.skip("a low-pass has no idea of what an outlier is")
     y, u = RECORD["y"].copy(), RECORD["u"].copy()
@@ -110,7 +110,7 @@ def test_faults_are_told_and_forgotten(kind, fault):
 
 
 @kinds
-def test_an_amplifier_at_its_end_is_told_and_known(kind):
+def test_an_amplifier_at_its_end_is_reported_and_known(kind):
     """A controller that asks for more than there is, where the plant was given what there is."""
     weak = BEARING.replace(amplifier__current_limit=0.6)
     eager = ambkit.PID(kp=3000.0, kd=12.0, setpoint_weight=1.0)
@@ -195,10 +195,10 @@ def test_all_poles_of_the_observer_are_where_they_were_put(lag):
     small = m.scaled(units)
     error = (np.eye(4) - np.outer(observer.gain / units, small.H)) @ small.A
     poles = np.sort(np.linalg.eigvals(error))
-    wanted = np.exp(-800.0 * bearing.sampling_time)
+    expected = np.exp(-800.0 * bearing.sampling_time)
     # A pole of order four is found to the fourth root of what numbers have.
-    assert np.abs(poles[-3:] - wanted).max() < 3e-3
-    assert np.abs(poles[0] - (wanted if lag > 1e-6 else 0.0)) < 3e-3
+    assert np.abs(poles[-3:] - expected).max() < 3e-3
+    assert np.abs(poles[0] - (expected if lag > 1e-6 else 0.0)) < 3e-3
 
 
 def test_the_steady_state_gain_is_dlqe_s():
@@ -244,14 +244,14 @@ def test_the_low_pass_is_three_exponential_averages():
 
 
 @pytest.mark.parametrize(
-    ("name", "options", "told"),
+    ("name", "options", "message"),
     [
         ("observer", {"bandwidth": 0.0}, "bandwidth must be greater than 0 rad/s, got 0.0"),
         ("low-pass", {"force": -1.0}, "force must be greater than 0 rad/s, got -1.0"),
     ],
 )
-def test_a_parameter_out_of_range_is_told(name, options, told):
-    with pytest.raises(ValueError, match=told):
+def test_a_parameter_out_of_range_is_reported(name, options, message):
+    with pytest.raises(ValueError, match=message):
         KINDS[name].make(BEARING, **options)
 
 

@@ -16,7 +16,7 @@ HUMMING = BALL.replace(sensor__hum=LINES)
 FREE = ("magnet_constant", "measurement_noise", "control_noise", "disturbance_noise")
 
 
-def flown(plant, seed, duration):
+def run(plant, seed, duration):
     reference = Sine(amplitude=1e-3, frequency=0.7)
     return simulate(plant, Scenario(duration=duration, seed=seed, reference=reference)).record
 
@@ -34,11 +34,11 @@ def error(found, record, ahead):
 
 
 def test_two_lines_are_found_and_taken_out_of_the_prediction():
-    found = found_of(flown(HUMMING, 1, 3.0), lines=True)
+    found = found_of(run(HUMMING, 1, 3.0), lines=True)
     for line, true in zip(sorted(found.lines, key=lambda h: h.frequency), (170, 230), strict=True):
         assert line.frequency == pytest.approx(true, abs=0.05)
         assert line.amplitude == pytest.approx(25e-6, rel=0.1)
-    other = flown(HUMMING, 101, 3.0)
+    other = run(HUMMING, 101, 3.0)
     held = float(np.sqrt(np.mean(np.diff(other["y"])[500:] ** 2)))
     assert error(found, other, 1) < held / 4
     # What filters of the bearing carry, and its C.
@@ -53,7 +53,7 @@ def test_a_line_that_the_likelihood_hardly_gains_by_is_not_taken_in(monkeypatch)
         line_noise, "_candidate",
         lambda records, model: Hum(frequency=190.0, amplitude=3e-7, bandwidth=0.1),
     )  # fmt: skip
-    record = flown(BALL, 3, 1.0)
+    record = run(BALL, 3, 1.0)
     found = found_of(record)
     model = line_noise.with_lines(Data([record], found.settling), found.model, [])
     assert model == found.model
@@ -62,9 +62,9 @@ def test_a_line_that_the_likelihood_hardly_gains_by_is_not_taken_in(monkeypatch)
 @pytest.mark.study
 def test_with_lines_it_is_nearly_as_good_as_the_filter_that_knows_and_without_no_worse():
     for seed in (1, 2):
-        record, other = flown(HUMMING, seed, 8.0), flown(HUMMING, seed + 100, 8.0)
+        record, other = run(HUMMING, seed, 8.0), run(HUMMING, seed + 100, 8.0)
         found, knows = found_of(record, lines=True), found_of(record, HUMMING)
         assert error(found, other, 10) < 1.1 * error(knows, other, 10)
     for seed in range(20):
-        quiet = found_of(flown(BALL, seed, 4.0), lines=True)
+        quiet = found_of(run(BALL, seed, 4.0), lines=True)
         assert not quiet.lines

@@ -12,7 +12,7 @@ from ambkit.data.reading.propose import guess
 
 
 @pytest.fixture(scope="module")
-def flown():
+def run():
     return disguises.simulated("one magnet")
 
 
@@ -85,8 +85,8 @@ def in_turn(call, log):
 
 
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.__name__)
-def test_a_log_of_matlab_is_guessed_read_and_checked(call, tmp_path, flown, form):
-    t, y, u = (flown[name] for name in ("t", "y", "u"))
+def test_a_log_of_matlab_is_guessed_read_and_checked(call, tmp_path, run, form):
+    t, y, u = (run[name] for name in ("t", "y", "u"))
     savemat(tmp_path / "log.mat", form(t, y, u))
     text, out = in_turn(call, tmp_path / "log.mat")
     assert "12001 samples of" in out
@@ -103,19 +103,19 @@ def test_a_log_of_matlab_is_guessed_read_and_checked(call, tmp_path, flown, form
     "# time,coil,gap\n",
     "% rig: 3; k = 100\n% time [s],coil [A],gap [m]\n",
 ])  # fmt: skip
-def test_a_csv_below_comments_is_guessed_read_and_checked(call, tmp_path, flown, header):
+def test_a_csv_below_comments_is_guessed_read_and_checked(call, tmp_path, run, header):
     lines = [f"{t!r},{u!r},{y!r}\n" for t, u, y in
-             zip(*(flown[name].tolist() for name in ("t", "u", "y")), strict=True)]  # fmt: skip
+             zip(*(run[name].tolist() for name in ("t", "u", "y")), strict=True)]  # fmt: skip
     (tmp_path / "log.csv").write_text(header + "".join(lines))
     text, _ = in_turn(call, tmp_path / "log.csv")
     record = read(tmp_path / "log.csv", ChannelMap.from_toml(text)).record
-    np.testing.assert_allclose(record["y"], flown["y"], atol=1e-12)
+    np.testing.assert_allclose(record["y"], run["y"], atol=1e-12)
 
 
 @pytest.mark.parametrize("which", ["u slower", "y slower", "u late"])
-def test_two_structures_with_their_own_clocks(call, tmp_path, flown, which):
+def test_two_structures_with_their_own_clocks(call, tmp_path, run, which):
     """Position and current are found, each with its structure's time; one grid is asked for."""
-    t, y, u = (flown[name] for name in ("t", "y", "u"))
+    t, y, u = (run[name] for name in ("t", "y", "u"))
     of_y, of_u = (2 if which == "y slower" else 1), (2 if which == "u slower" else 1)
     late = 3e-4 if which == "u late" else 0.0
     savemat(tmp_path / "log.mat", {

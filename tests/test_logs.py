@@ -181,7 +181,7 @@ def test_a_separator_at_the_end_of_each_line_and_no_header(tmp_path):
         ambkit.load(path, ChannelMap.from_toml(by_place.replace("column = 2", "column = 7")))
 
 
-def test_names_that_are_there_twice_are_told_apart(tmp_path):
+def test_names_that_are_there_twice_are_reported_apart(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("time,pos,current,current\n0,1,2,3\n1,1,2,3\n")
     assert read_log(path).order == ("time", "pos", "current#2", "current#3")
@@ -189,7 +189,7 @@ def test_names_that_are_there_twice_are_told_apart(tmp_path):
         ambkit.load(path, MAP)
 
 
-def test_all_that_is_wrong_is_said_at_once_with_its_line(tmp_path):
+def test_all_that_is_wrong_is_reported_at_once_with_its_line(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("t [s],y [m]\n0,1\n1,bad\n2\n3,x\n4,1\n")
     with pytest.raises(RecordError) as failure:

@@ -142,7 +142,7 @@ def test_five_axes():
     ('speed = "3000 rpm"', 'speed = "400000 rpm"', ["10: speed: must be less than half"]),
     ('gravity = "-x"', 'gravity = "-z"', ['rotor.gravity: must not be "-z"']),
 ])  # fmt: skip
-def test_what_cannot_be_is_told_with_its_line(old, new, problems):
+def test_what_cannot_be_is_reported_with_its_line(old, new, problems):
     text = presets.text("tum_mlps")
     assert old in text
     with pytest.raises(ConfigError) as found:
@@ -151,14 +151,14 @@ def test_what_cannot_be_is_told_with_its_line(old, new, problems):
         assert problem in str(found.value)
 
 
-def test_a_sensor_that_sees_no_tilt_is_told():
+def test_a_sensor_that_sees_no_tilt_is_reported():
     with pytest.raises(ConfigError, match="no sensor sees the rotor's th_"):
         machine(sensor=[sensor("A", 0.2)])
     with pytest.raises(ConfigError, match="no thrust bearing"):
         machine(sensor=[sensor("A", 0.2), sensor("B", -0.3), sensor("T", 0, type="axial")])
 
 
-def test_a_sensor_without_a_gain_is_told_of_the_gain_alone():
+def test_a_sensor_without_a_gain_is_reported_of_the_gain_alone():
     axial = {"name": "T", "type": "axial", "lag": 5e-5, "noise_variance": 1e-13}
     with pytest.raises(ConfigError, match=r"sensor.2..gain: missing") as found:
         machine(sensor=[sensor("A", 0.2), sensor("B", -0.3), axial])

@@ -168,7 +168,7 @@ def test_a_reduced_rotor_has_the_compliance_of_the_whole():
     assert np.abs(kept - full).max() < 1e-3 * np.abs(cut - full).max() + 1e-12 * size
 
 
-def test_the_static_compliance_left_out_is_told():
+def test_the_static_compliance_left_out_is_reported():
     whole = ufu(7700.0)
     places = [0.153, 0.5669]
     part = reduced(whole, HERTZ * 500.0, 0.01)
@@ -387,7 +387,7 @@ def test_measured_modes():
     ({"damping_ratio": "1.5"}, "damping_ratio: must be less than 1"),
     ({"frequency": '"8 kHz"'}, "keeps a mode at 8000 Hz"),
 ])  # fmt: skip
-def test_modes_that_cannot_be_are_told(changes, text):
+def test_modes_that_cannot_be_are_reported(changes, text):
     with pytest.raises(ConfigError) as found:
         Machine.from_toml(measured(**changes), "m.toml")
     assert text in str(found.value)
@@ -410,7 +410,7 @@ def test_modes_that_cannot_be_are_told(changes, text):
     ('type = "shaft"', 'type = "shatf"', 'rotor.type: must be one of "rigid", "shaft"'),
     ('type = "shaft"\n', "", "rotor.type: missing"),
 ])  # fmt: skip
-def test_what_cannot_be_is_told_with_its_line(old, new, text):
+def test_what_cannot_be_is_reported_with_its_line(old, new, text):
     whole = presets.text("ufu_flexible")
     assert old in whole
     with pytest.raises(ConfigError) as found:

@@ -193,7 +193,7 @@ def test_the_regulator_is_controls_own():
 
 
 @pytest.mark.parametrize(
-    ("control", "feedback", "said"),
+    ("control", "feedback", "message"),
     [
         (Control(type="lqg"), "measurement", 'feedback must be "estimate"'),
         (Control(cross_feedback=0.5), "measurement", "cross_feedback"),
@@ -206,8 +206,8 @@ def test_the_regulator_is_controls_own():
         ),
     ],
 )
-def test_what_cannot_be_is_refused(control, feedback, said):
-    with pytest.raises(AmbkitError, match=said):
+def test_what_cannot_be_is_refused(control, feedback, message):
+    with pytest.raises(AmbkitError, match=message):
         simulate_run(
             Machine.preset("tum_mlps"), Scenario(duration=0.1, controller=control).fed(feedback)
         )
@@ -291,11 +291,11 @@ def test_a_pid_sees_a_sum_of_readings(feedback):
         duration=0.05, noise=False, controller={"feedback": feedback}, disturbance=LOADED
     )
 
-    def flown(sees):
+    def run(sees):
         own = Control(pid={axis.name: PID(sees=sees(axis.name)) for axis in HINDAWI.axes})
         return simulate_run(HINDAWI, scenario.replace(controller=own.fed_by(feedback)))
 
-    named, one = flown(lambda name: name), flown(lambda name: {name: 1.0})
+    named, one = run(lambda name: name), run(lambda name: {name: 1.0})
     np.testing.assert_array_equal(named.record["iu_B1"], one.record["iu_B1"])
     law = controllers_of(
         Plant(HINDAWI), Control(type="decentralised", pid={"A1": PID(sees={"A1": 0.4, "B1": 0.6})}),

@@ -82,14 +82,14 @@ def test_every_preset_over_a_run_up(name, turns):
         assert 0.9 < judged.nees["extended"].mean() < 1.1
 
 
-def flown(one, **keys):
+def simulated(one, **keys):
     return simulate_run(one, Scenario(duration=0.1, seed=5, **keys))
 
 
 @pytest.mark.parametrize("kind", TAKEN)
 def test_each_kind_takes_a_machine(kind):
     one = machine()
-    record = flown(one).record
+    record = simulated(one).record
     estimate = KINDS[kind].make(one).run(record)
     late = slice(500, None)
     for q in ("x", "y", "th_x", "th_y"):
@@ -108,7 +108,7 @@ def test_kinds_of_one_axis_say_so(kind):
 
 def test_step_by_step_it_says_the_same():
     one = Machine.preset("ufu_rig")
-    record = flown(one).record
+    record = simulated(one).record
     kf = ExtendedKalmanFilter(one)
     whole = kf.run(record)
     y, u = kf.view.signals(record)
@@ -123,7 +123,7 @@ def test_step_by_step_it_says_the_same():
 
 def test_an_estimate_is_a_record_with_the_names_of_axes_and_readings():
     one = machine()
-    estimate = KalmanFilter(one).run(flown(one).record, covariance=True)
+    estimate = KalmanFilter(one).run(simulated(one).record, covariance=True)
     record = estimate.to_record()
     for name in ("th_x", "f_d_B2", "x_m_A1", "k_i_A1", "k_s_B2", "innovation_A2", "status"):
         assert name in record
@@ -151,7 +151,7 @@ def test_each_preset_levitates_by_its_estimate(name):
 
 def test_weight_is_known_or_a_disturbance():
     one = machine()
-    record = flown(one).record
+    record = simulated(one).record
     held = {"known": [0.0] * 4, "disturbance": weights_of(one)}
     for gravity, loads in held.items():
         estimate = ExtendedKalmanFilter(one, gravity=gravity).run(record)
@@ -161,7 +161,7 @@ def test_weight_is_known_or_a_disturbance():
 
 def test_magnets_are_known_one_by_one():
     one = machine()
-    record = flown(one).record
+    record = simulated(one).record
     laws = [magnet_of(each) for each in isolated_axes(one)]
     for given in (laws, ForceLaws(laws), None):
         estimate = ExtendedKalmanFilter(one, given).run(record)
@@ -178,7 +178,7 @@ def test_gyroscopics_have_the_right_sign():
         {"axis": "A1", "force": Step(amplitude=20.0, time=0.02)},
         {"axis": "B2", "force": Ramp(slope=300.0, start=0.0, end=0.1)},
     ]
-    whole = flown(one, disturbance=kicks).record
+    whole = simulated(one, disturbance=kicks).record
     record = whole.select(*(name for name in whole if name != "speed"))  # which filters follow
 
     def wrong(of):
@@ -199,7 +199,7 @@ def test_a_machine_that_is_too_large_is_refused():
         KalmanFilter(machine(sensor=many))
 
 
-def test_a_record_of_something_else_is_told():
+def test_a_record_of_something_else_is_reported():
     t = np.arange(10) * 1e-4
     record = Record(t, {"y": t, "u": t}, {"y": "m", "u": "V"})
     with pytest.raises((AmbkitError, KeyError), match="y_A1"):

@@ -177,12 +177,12 @@ AND_OTHERS = quick(product(FLIGHTS, ("float", "double")), QUICKLY)
 
 
 @compiled
-@pytest.mark.parametrize(("flown", "precision"), AND_OTHERS)
-def test_what_flies_is_what_was_simulated(flown, precision, tmp_path):
+@pytest.mark.parametrize(("run", "precision"), AND_OTHERS)
+def test_what_flies_is_what_was_simulated(run, precision, tmp_path):
     """Lift-off, landing, trips, and a model that follows the speed: the self-test's own flights."""
     machine = Machine.preset("tum_mlps")
     export_c(
-        machine, None, tmp_path / "c", precision=precision, scenario=FLIGHTS[flown], prefix="f",
+        machine, None, tmp_path / "c", precision=precision, scenario=FLIGHTS[run], prefix="f",
         synchronous=("unbalance",),
     )  # fmt: skip
     said = printed_by(tmp_path / "c")
@@ -247,8 +247,8 @@ def test_a_whole_flight_from_lift_off_over_a_run_up_to_landing(name, tmp_path):
         machine, None, tmp_path / "c", scenario=flight, prefix="f", synchronous=("unbalance",)
     )
     got = signals_of_c(made, record, machine, flight)
-    flown = [record[f"u_{axis.name}"] for axis in machine.axes]
-    np.testing.assert_array_equal(got, np.column_stack([*flown, record["mode"]]))
+    run = [record[f"u_{axis.name}"] for axis in machine.axes]
+    np.testing.assert_array_equal(got, np.column_stack([*run, record["mode"]]))
 
 
 @pytest.mark.long

@@ -125,10 +125,10 @@ def test_constant_stiffness_is_a_straight_force():
 
 
 @pytest.mark.parametrize(
-    ("k_i", "k_s", "told"), [(np.nan, 1, "k_i must be finite"), (1, np.inf, "k_s")]
+    ("k_i", "k_s", "message"), [(np.nan, 1, "k_i must be finite"), (1, np.inf, "k_s")]
 )
-def test_a_stiffness_that_is_no_number_is_refused(k_i, k_s, told):
-    with pytest.raises(ValueError, match=told):
+def test_a_stiffness_that_is_no_number_is_refused(k_i, k_s, message):
+    with pytest.raises(ValueError, match=message):
         ConstantStiffness(k_i, k_s)
 
 

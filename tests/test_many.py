@@ -210,7 +210,7 @@ def test_a_number_stands_for_the_run_of_the_scenario():
     assert record.meta["run"] == 9
 
 
-def test_what_cannot_be_done_is_said():
+def test_what_cannot_be_done_is_reported():
     run = Planned(BEARING, SCENARIO, KALMAN)
     with pytest.raises(ValueError, match=r"settling must be less than the 0\.08 s of a run"):
         simulate_many([run], settling=1.0)

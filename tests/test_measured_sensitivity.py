@@ -140,18 +140,18 @@ def test_periods_are_found(values, period):
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ({"injected": np.zeros(2000)}, "injected is 0 throughout"),
         ({"injected": np.sin(np.arange(2000) * math.pi / 50)}, "power at too few frequencies"),
         ({"y": np.where(np.arange(2000) == 7, np.nan, 0.0)}, "signal y has a gap at 0.7 ms"),
     ],
 )
-def test_what_a_record_does_not_tell_is_said(change, told):
+def test_what_a_record_does_not_tell_is_reported(change, message):
     rng = np.random.default_rng(0)
     signals = {"y": rng.standard_normal(2000), "injected": rng.standard_normal(2000)} | change
     record = Record(T * np.arange(2000), signals)
-    with pytest.raises(RecordError, match=told):
+    with pytest.raises(RecordError, match=message):
         measured_sensitivity(record)
 
 
@@ -182,7 +182,7 @@ def test_runout_is_no_part_of_a_sweep():
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         ({"amplitudes": [0.0]}, "greater than 0 m"),
         ({"amplitudes": ["1 s"]}, "amplitude must be in m"),
@@ -190,8 +190,8 @@ def test_runout_is_no_part_of_a_sweep():
         ({"controller": PID(kp=100.0, ki=0.0, kd=1.0)}, "not stable"),
     ],
 )
-def test_what_cannot_be_swept_is_refused(options, told):
-    with pytest.raises(AmbkitError, match=told):
+def test_what_cannot_be_swept_is_refused(options, message):
+    with pytest.raises(AmbkitError, match=message):
         ambkit.assess_sweep(LATE, **options)
 
 
@@ -224,7 +224,7 @@ def test_an_experiment_keeps_within_its_limits_and_tells_the_sensitivity():
     assert found.file()["injected"].max() == pytest.approx(found.amplitude, rel=0.3)
 
 
-def test_a_zone_that_the_record_does_not_tell_is_said_to_be_either():
+def test_a_zone_that_the_record_does_not_tell_is_reported_to_be_either():
     faint = ambkit.assess_log(measured(2e-6 * repeated(1000, 4)))
     assert faint.interval[1] > 3 > faint.interval[0]
     assert faint.zone in ("A or B", "A or C", "A or D")
@@ -239,7 +239,7 @@ def test_no_filter_in_the_loop_takes_the_signal_for_outliers():
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         ({"band": (1.0, 500.0)}, "the band must rise, from 5.2"),
         ({"band": (100.0, 101.0)}, "fewer than two lines"),
@@ -247,6 +247,6 @@ def test_no_filter_in_the_loop_takes_the_signal_for_outliers():
         ({"current": "9 A"}, "limit of the current must be"),
     ],
 )
-def test_what_cannot_be_designed_is_refused(options, told):
-    with pytest.raises(AmbkitError, match=told):
+def test_what_cannot_be_designed_is_refused(options, message):
+    with pytest.raises(AmbkitError, match=message):
         design_injection(LATE, Scenario(duration=2.0), **options)

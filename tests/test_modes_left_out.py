@@ -105,7 +105,7 @@ def test_the_full_whirl_is_that_of_the_finite_elements(chosen):
     assert len(near[0]) >= 9
 
 
-def test_one_mode_is_too_few_and_that_is_said(one_mode):
+def test_one_mode_is_too_few_and_that_is_reported(one_mode):
     """At 50,000 rpm the forward whirl is 822 Hz with it and 795 Hz in the full rotor."""
     rotor, bending = rotor_of(one_mode), one_mode.bending
     assert bending is not None
@@ -149,10 +149,10 @@ def off_near_the_whirl(machine, kept):
     own, many = with_modes(machine, kept), with_modes(machine, 10)
     kalman = KalmanFilter(own)
     of = LoopBuilder(own, Control(type="lqg"))
-    flown, f = of.controllers_with(kalman), np.linspace(700.0, 900.0, 201)
+    run, f = of.controllers_with(kalman), np.linspace(700.0, 900.0, 201)
     peaks = []
     for plant in (own, many):
-        loop = LoopBuilder(plant, of.control, point=of.point, law=flown).loop(kalman)
+        loop = LoopBuilder(plant, of.control, point=of.point, law=run).loop(kalman)
         assert loop.is_stable
         peaks.append(np.abs(np.einsum("kii->ki", loop.along_axes(f))).max(axis=0))
     return float(np.max(np.abs(peaks[0] / peaks[1] - 1)))
@@ -220,11 +220,11 @@ def orbit(machine):
         flights = []
         for angle in (0.0, math.pi):  # of which the difference has no sensor noise
             unbalance = (Unbalance(place=place, amount=3e-7, angle=angle),)
-            flown = simulate(
+            run = simulate(
                 machine.model_copy(update={"unbalance": unbalance}),
                 Scenario(duration=0.3, start="levitated").fed("estimate"), filter=filter,
             )  # fmt: skip
-            flights.append([flown.record[f"s_{axis.name}"][-4000:] for axis in machine.axes])
+            flights.append([run.record[f"s_{axis.name}"][-4000:] for axis in machine.axes])
         half = np.subtract(*flights).T / 2
         size += float((np.linalg.lstsq(waves, half, rcond=None)[0][:2] ** 2).sum())
     return math.sqrt(size)

@@ -344,7 +344,7 @@ def test_closed_streams_are_silent(tmp_path, command, closed, code):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize("unbuffered", ["", "1"])
-def test_a_full_stdout_is_told(unbuffered):
+def test_a_full_stdout_is_reported(unbuffered):
     code, _out, err = shell(f"{AMBKIT} --help > /dev/full", PYTHONUNBUFFERED=unbuffered)
     assert code == 2
     assert err == "ambkit: the output cannot be written: No space left on device\n"

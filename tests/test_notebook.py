@@ -208,7 +208,7 @@ def test_a_map_in_own_axes_has_its_colour_bar():
     assert [ax.get_ylabel() for ax in canvas.axes] == ["y", "force [N]"]
 
 
-def test_what_cannot_be_drawn_is_told_in_a_line():
+def test_what_cannot_be_drawn_is_reported_in_a_line():
     from matplotlib.figure import Figure as Canvas
 
     ax = Canvas().subplots()
@@ -282,7 +282,7 @@ def test_quantities_are_taken_with_their_units():
 
 
 @pytest.mark.parametrize(
-    ("wrong", "told"),
+    ("wrong", "message"),
     [
         (
             lambda: ambkit.filter(RECORD, machine="rig.toml"),  # a name of a file
@@ -332,10 +332,10 @@ def test_quantities_are_taken_with_their_units():
         ),
     ],
 )
-def test_wrong_types_are_told_in_a_line(wrong, told):
+def test_wrong_types_are_reported_in_a_line(wrong, message):
     with pytest.raises((TypeError, AmbkitError)) as caught:
         wrong()
-    assert str(caught.value) == told
+    assert str(caught.value) == message
 
 
 def test_a_reading_is_not_a_record_and_the_message_helps():

@@ -115,7 +115,7 @@ def test_a_load_that_is_not_told_leads_only_adaline_astray():
         assert abs(told.to_dict()["learners"][name]["load"]) < 0.2
 
 
-def test_colour_is_told_and_white_noise_is_not():
+def test_colour_is_reported_and_white_noise_is_not():
     """The filter bends k to it; ADALINE and least squares look at slow motion only."""
     white = [compare_online(moved(seed), BEARING) for seed in range(4)]
     assert not any(one.coloured for one in white)

@@ -82,7 +82,7 @@ def test_stiffnesses_are_means_over_a_turn():
     )
 
 
-def test_what_is_said_of_an_orbit():
+def test_what_is_reported_of_an_orbit():
     found = ambkit.assess(TUM, "linear", orbit=0.1 * GAP)
     loop = found.loops["linear"]
     assert loop.integral.holds
@@ -96,25 +96,25 @@ def test_what_is_said_of_an_orbit():
     assert over.peaks[1] == pytest.approx([at.peak for at in own.axes.values()], rel=1e-5)
 
 
-@pytest.mark.parametrize(("machine", "orbit", "said"), [
+@pytest.mark.parametrize(("machine", "orbit", "message"), [
     (TUM.model_copy(update={"speed": 0.0, "unbalance": ()}), "own", "does not rotate"),
     (TUM.model_copy(update={"unbalance": ()}), "own", "no unbalance for an orbit"),
     (ZITTAU, "own", "give its amplitude"),
     (TUM, -1e-6, "greater than 0 m"),
     (TUM, 0.95 * GAP, "where the air gap is"),
 ])  # fmt: skip
-def test_what_has_no_orbit_is_refused(machine, orbit, said):
-    with pytest.raises(AmbkitError, match=said):
+def test_what_has_no_orbit_is_refused(machine, orbit, message):
+    with pytest.raises(AmbkitError, match=message):
         ambkit.assess(machine, "none", orbit=orbit)
 
 
-@pytest.mark.parametrize(("arguments", "code", "said"), [
+@pytest.mark.parametrize(("arguments", "code", "message"), [
     (["tum_mlps", "--filter", "none", "--orbit", "30 um", "--json"], 0, '"orbit": ['),
     (["zittau_axial", "--orbit", "own"], 2, "does not rotate: it has no orbit"),
     (["tum_mlps", "--orbit", "far"], 2, "not a number with a unit"),
     (["speed", "tum_mlps", "--orbit", "1 um"], 2, "invalid choice: '1 um' (choose from 'own')"),
 ])  # fmt: skip
-def test_command(arguments, code, said, call):
+def test_command(arguments, code, message, call):
     told = call("assess", *arguments)
     assert told.code == code
-    assert said in told.out + " ".join(told.err.split())
+    assert message in told.out + " ".join(told.err.split())

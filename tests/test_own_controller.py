@@ -100,8 +100,8 @@ def test_a_controller_of_several_axes_sees_all_readings() -> None:
     x = y @ shown_along_axes(MACHINE).T
     r, u = (np.column_stack([run.record[f"{of}_{a}"] for a in run.axes]) for of in "ru")
     gain = [axis.bearing.amplifier.gain for axis in MACHINE.axes]
-    wanted = 20e3 * (r[5] - x[5]) - 30.0 * (x[5] - x[4]) / MACHINE.sampling_time
-    assert u[5] * gain == pytest.approx(wanted)
+    expected = 20e3 * (r[5] - x[5]) - 30.0 * (x[5] - x[4]) / MACHINE.sampling_time
+    assert u[5] * gain == pytest.approx(expected)
 
 
 def test_a_plant_flies_in_place_of_the_machine() -> None:

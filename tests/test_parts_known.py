@@ -49,7 +49,7 @@ def complete():
     return BEARING.replace(**EVERY)
 
 
-def flown(bearing, seed, duration=0.5):
+def simulated(bearing, seed, duration=0.5):
     """A step, then a load; the loop is fed by the linear filter that knows."""
     scenario = Scenario(
         duration=duration, seed=seed,
@@ -122,7 +122,7 @@ def test_the_general_limit_is_that_of_the_papers_axis():
     """By the composed model, and by the closed form that the paper's axis has."""
     from ambkit.judge.comparison import bound
 
-    record = flown(BEARING, 0, 0.2)
+    record = simulated(BEARING, 0, 0.2)
     variances = ambkit.KalmanFilter(BEARING).variances
     held = bound._along(machine_model(BEARING), BEARING, record, variances)
     exact = bound._held(BEARING, record, variances)
@@ -177,7 +177,7 @@ def test_smoothing_is_that_of_the_textbook(complete, kind):
 
 def test_many_at_once_and_one_by_one_are_the_same(complete):
     bearing = complete
-    records = [flown(bearing, seed, 0.1) for seed in (1, 2)]
+    records = [simulated(bearing, seed, 0.1) for seed in (1, 2)]
     y, u = (np.array([record[signal] for record in records]) for signal in ("y", "u"))
     for kind in MADE:
         estimator = KINDS[kind].make(bearing)
@@ -188,7 +188,7 @@ def test_many_at_once_and_one_by_one_are_the_same(complete):
 
 def test_a_filter_takes_over_from_one_of_the_same_states_alone():
     bearing = with_part("hum")
-    record = flown(bearing, 0, 0.1)
+    record = simulated(bearing, 0, 0.1)
     old, new = ambkit.KalmanFilter(bearing), ambkit.ExtendedKalmanFilter(bearing)
     old.run(record)
     new.transfer_from(old)
@@ -230,7 +230,7 @@ def test_tuning_finds_how_the_load_wanders(name):
 def test_who_predicts_little_follows_the_controls_all_the_same(kind):
     """The demanded currents of the samples before, and behind them a lag of first order."""
     bearing = BEARING.replace(delay="0.15 ms", amplifier__bandwidth="200 Hz")
-    record = flown(bearing, 0, 0.15)
+    record = simulated(bearing, 0, 0.15)
     estimate = KINDS[kind].make(bearing).run(record)
     T, iu = bearing.sampling_time, bearing.amplifier.gain * record["u"]
     np.testing.assert_allclose(estimate["u_1"][1:], iu[:-1], rtol=1e-12, atol=1e-15)
@@ -252,7 +252,7 @@ def test_a_constant_gain_finds_a_line_that_stands_still(kind):
     still = BEARING.replace(sensor__hum=[{"frequency": "50 Hz", "amplitude": "30 um"}])
     estimator = KINDS[kind].make(still)
     assert np.isfinite(estimator.covariance).all()
-    record = flown(still, 0)
+    record = simulated(still, 0)
     estimate = estimator.run(record)
     assert 0.8 < np.mean(estimate.nis[1000:]) < 1.2
     if kind == "steady-state":
@@ -264,7 +264,7 @@ def test_a_constant_gain_finds_a_line_that_stands_still(kind):
 @pytest.mark.parametrize("kind", ["low-pass", "observer"])
 def test_who_knows_no_noise_says_nothing_of_it(kind):
     noisy = BEARING.replace(**PARTS["coloured noise"], **PARTS["hum"])
-    record = flown(noisy, 0)
+    record = simulated(noisy, 0)
     estimator = KINDS[kind].make(noisy)
     estimate = estimator.run(record, covariance=True)
     assert estimate.names == ("x", "v", "f_d", "x_m")

@@ -30,7 +30,7 @@ SCENARIO = Scenario(
 
 
 @pytest.mark.parametrize("tool", TOOLS)
-def test_what_is_missing_is_said_with_what_to_install(tool, monkeypatch, call):
+def test_what_is_missing_is_reported_with_what_to_install(tool, monkeypatch, call):
     monkeypatch.setattr(build.shutil, "which", lambda name: None if name == tool else name)
     told = call("pil", "zittau_axial")
     assert told.code == 2
@@ -48,7 +48,7 @@ def test_what_is_missing_is_said_with_what_to_install(tool, monkeypatch, call):
         (["zittau_axial", "--board", "c2000"], "TI's C2000 code generation tools"),
     ],
 )
-def test_what_cannot_be_flown_is_said(words, said, call, tmp_path):
+def test_what_cannot_be_flown_is_reported(words, said, call, tmp_path):
     (tmp_path / "axis.toml").write_text(SCENARIO.fed("measurement").to_toml())
     (tmp_path / "drop.toml").write_text('off = "0.1 s"')
     if "c2000" in words and shutil.which("cl2000"):
@@ -232,7 +232,7 @@ def test_other_bits_would_be_seen(monkeypatch):
 
 @pytest.mark.long
 @needs_tools
-def test_a_firmware_that_does_not_answer_is_said(monkeypatch):
+def test_a_firmware_that_does_not_answer_is_reported(monkeypatch):
     monkeypatch.setattr("ambkit.export.pil.loop.PATIENCE", 2.0)  # seconds
 
     def broken(image, folder, *sizes):

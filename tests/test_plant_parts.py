@@ -93,13 +93,13 @@ def naive(t, s, parts, demanded, turned=0.0):
     """Right-hand side of the whole plant as the field writes it: x, v, x_m, i1, i2."""
     x, v, x_m, i1, i2 = s
     rates = []
-    for i, wanted, gap, opening in (
+    for i, expected, gap, opening in (
         (i1, I0 + demanded, S0 - x, -v),
         (i2, I0 - demanded, S0 + x, v),
     ):
         L = 2 * parts["k"] / gap
         emf = -L / gap * i * opening
-        u = L * parts["corner"] * (wanted - i) + parts["R"] * i + emf
+        u = L * parts["corner"] * (expected - i) + parts["R"] * i + emf
         u = min(max(u, -parts["voltage"]), parts["voltage"])
         rates.append((u - parts["R"] * i - emf) / L)
     F = K * ((i1 / (S0 - x)) ** 2 - (i2 / (S0 + x)) ** 2)
@@ -220,7 +220,7 @@ def test_a_delay_shifts_the_control_between_the_samples(halves):
         np.testing.assert_allclose(late[name], fine[name][::2], rtol=1e-8, atol=1e-14)
 
 
-def test_a_delay_is_told_in_whole_samples_and_the_rest():
+def test_a_delay_is_reported_in_whole_samples_and_the_rest():
     def delay(text):
         parts = plant_parts.axis_fields(BEARING.replace(delay=text), None, None, 0.0, 4)
         return parts["delay"], parts["delay_rest"]
@@ -454,7 +454,7 @@ def test_a_stop_too_soft_ends_before_the_magnet():
 # ---- All of it, from the bearing's file ----
 
 
-def test_all_parts_at_once_hover_and_are_told():
+def test_all_parts_at_once_hover_and_are_reported():
     bearing = BEARING.replace(**ALL)
     run = ambkit.simulate(bearing, ambkit.Scenario(duration=0.3)).record
     assert run.units["u_coil"] == run.units["u_coil_2"] == "V"

@@ -52,7 +52,7 @@ def test_a_record_belongs_to_its_bearing_and_not_with_a_sign_reversed(name, seed
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_a_control_signal_that_is_logged_at_another_instant_is_told(name):
+def test_a_control_signal_that_is_logged_at_another_instant_is_reported(name):
     record = run(name)
     for samples, told in ((-20, "2.1 ms later"), (20, "2.1 ms earlier")):
         u = record["u"][np.clip(np.arange(len(record)) - samples, 0, len(record) - 1)]
@@ -126,7 +126,7 @@ def test_a_mirrored_record_pulls_with_gravity(name):
 
 
 @pytest.mark.skipif(not RIG.is_dir(), reason="the rig's logs are not here (../shared/data/inteco)")
-def test_the_signs_of_the_rig_are_told():
+def test_the_signs_of_the_rig_are_reported():
     bearing = ambkit.preset("inteco_ml")
     for log in sorted(RIG.glob("*.mat")):
         record = ambkit.load(log, recordings.folder() / "closed_loop.toml")
@@ -206,7 +206,7 @@ def test_no_good_record_is_accused(name, steps):
         ({"y": 10.0}, "air gap", "the noise of y is about .* rms, the bearing's sensor has 9.1 µm"),
     ],
 )
-def test_wrong_units_are_told(factors, problem, remark):
+def test_wrong_units_are_reported(factors, problem, remark):
     verdict = evaluate_record(changed(run(), **factors), BEARING)
     for expected, found in ((problem, verdict.problems), (remark, verdict.remarks)):
         if expected is not None:

@@ -230,7 +230,7 @@ def test_innovations_of_a_long_record_are_shown_by_how_far_most_reach(bearing):
     assert np.isfinite(band.high[~lost]).mean() > 0.9
 
 
-def test_filters_without_a_look_of_their_own_are_told_apart():
+def test_filters_without_a_look_of_their_own_are_reported_apart():
     names = ["linear", "adaptive", "closed-law", "extended", "ud", "low-pass", "mine.toml"]
     shown = [SIGNALS[style] for style, _ in looks(names)]
     assert len({(look.colour, look.dash) for look in shown}) == len(names)

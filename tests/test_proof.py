@@ -115,7 +115,7 @@ def test_a_script_that_was_not_run_is_called_no_proof(what, tmp_path):
     assert "# Proof" not in text
 
 
-def test_of_what_is_not_proved_nothing_is_said(tmp_path):
+def test_of_what_is_not_proved_nothing_is_reported(tmp_path):
     made = export_proved("calibrated", tmp_path / "c")
     assert not [file for file in made.files if file.startswith("proof/")]
     readme = (made.folder / "README.md").read_text(encoding="utf-8")

@@ -46,7 +46,7 @@ MACHINES = {
 }
 
 
-def flown(bearing, kind, motion, feedback, seed, stuck=False):
+def simulated(bearing, kind, motion, feedback, seed, stuck=False):
     T, walk = bearing.sampling_time, 1e-4 * (2 * bearing.weight) ** 2
     pid = ambkit.PID.for_bearing(bearing).model_copy(update={"feedback": feedback})
     moved = {"reference": Sine(amplitude=20e-6, frequency=3.0)} if motion == "sine" else {}
@@ -68,7 +68,7 @@ def cell(bearing, kind, motion, feedback):
     """Error over raw, share of samples within the NEES bound, healthy flags, samples to a flag."""
     ours, raw, shares, healthy = [], [], [], 0
     for seed in SEEDS:
-        run, kalman = flown(bearing, kind, motion, feedback, seed)
+        run, kalman = simulated(bearing, kind, motion, feedback, seed)
         record, estimate = run.record, run.estimate
         ours.append((estimate["x"] - record["x"])[300:])
         raw.append((record["y"] / bearing.sensor.gain - record["x"])[300:])
@@ -76,7 +76,7 @@ def cell(bearing, kind, motion, feedback):
         if motion == "walk" and kind not in BASELINES:
             known = kalman.run(record, covariance=True)
             shares.append(criteria.nees(known, record, 300, kalman.view))
-    run, _ = flown(bearing, kind, motion, feedback, SEEDS[0], stuck=True)
+    run, _ = simulated(bearing, kind, motion, feedback, SEEDS[0], stuck=True)
     flagged = np.flatnonzero(run.estimate.status[STUCK:] & ambkit.Status.FROZEN)
     late = flagged[0] if flagged.size else np.inf
     error = np.sqrt(np.mean(np.square(ours)) / np.mean(np.square(raw)))

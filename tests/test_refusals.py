@@ -73,7 +73,7 @@ def test_an_option_that_is_taken_once_is_given_once(refused):
     assert "--step is given more than once" in refused(*twice)
 
 
-def test_a_loop_at_the_stop_is_told(call):
+def test_a_loop_at_the_stop_is_reported(call):
     far = ("--steps", "0.1 mm", "--steps", "5 mm", "--seeds", "1")
     out = call("compare", "steps", "zittau_axial", *far).out
     assert "5 mm, linear: contact with the stop in 1 of 1 runs" in out

@@ -154,7 +154,7 @@ def test_another_seed_gives_other_noise_and_the_same_findings():
     assert not np.array_equal(runs[0].record["y"], runs[2].record["y"])
 
 
-def test_a_place_that_cannot_be_written_is_told_before_the_work(tmp_path):
+def test_a_place_that_cannot_be_written_is_reported_before_the_work(tmp_path):
     (tmp_path / "file").write_text("in the way")
     said = []
     with pytest.raises(AmbkitError, match="file"):

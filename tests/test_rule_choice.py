@@ -147,7 +147,7 @@ def test_without_standard_errors_their_scatter_is_found():
         (5, [(1, 3)], "1x3 rules cannot be judged"),
     ],
 )
-def test_too_few_points_are_told(lines, candidates, message):
+def test_too_few_points_are_reported(lines, candidates, message):
     with pytest.raises(AmbkitError, match=message):
         choose_rules(BEARING, measured(straight, 1.0, lines=lines), candidates=candidates)
 

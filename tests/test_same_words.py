@@ -143,7 +143,7 @@ def test_train_makes_the_expert_that_the_command_writes(call, options, arguments
     assert Expert.load("e.json") == ambkit.train(BEARING, **options).expert
 
 
-def test_an_expert_reaches_as_far_as_it_is_told(call):
+def test_an_expert_reaches_as_far_as_it_is_reported(call):
     assert ambkit.train(BEARING, reach="0.8 mm").expert.displacement_range == (-0.8e-3, 0.8e-3)
     with pytest.raises(AmbkitError, match="reach must be above 0 m and at most the travel, 1 mm"):
         ambkit.train(BEARING, reach=1.2e-3)

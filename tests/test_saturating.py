@@ -125,7 +125,7 @@ def test_an_angle_takes_its_cosine():
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         (
             'saturation = "1.6 T"\n',
@@ -152,11 +152,11 @@ def test_an_angle_takes_its_cosine():
         ('"5 kg"', '"40 kg"', "carries the rotor at x = 0, which no current does"),
     ],
 )
-def test_what_does_not_go_together_is_told_with_its_line(old, new, told):
+def test_what_does_not_go_together_is_reported_with_its_line(old, new, message):
     assert old in TOML
     with pytest.raises(ConfigError) as refused:
         Machine.from_toml(TOML.replace(old, new), name="iron.toml")
-    assert told in str(refused.value)
+    assert message in str(refused.value)
 
 
 def test_another_constant_keeps_the_iron():
@@ -259,8 +259,8 @@ def test_ideal_iron_with_the_other_control_signal_pulls_the_same(bearing):
     assert not magnet_of(bearing).ideal
     ideal = bearing.replace(**dict.fromkeys(f"magnet__{key}" for key in IRON))
     assert magnet_of(ideal).ideal
-    pulled, wanted = (magnet_of(b).force(i, y) for b, i in ((ideal, u), (bearing, iu)))
-    np.testing.assert_allclose(pulled, wanted, rtol=1e-9, atol=1e-9)
+    pulled, expected = (magnet_of(b).force(i, y) for b, i in ((ideal, u), (bearing, iu)))
+    np.testing.assert_allclose(pulled, expected, rtol=1e-9, atol=1e-9)
     assert np.abs(u - iu).max() > 0.05
 
 

@@ -110,7 +110,7 @@ def test_a_recording_is_found_beside_the_scenario(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("table", "told"),
+    ("table", "message"),
     [
         ('file = "none.csv"\nsignal = "f_d"', "4: disturbance.file: "),
         ('file = "load.csv"\nsignal = "f"', "4: disturbance.file: the record has no signal f"),
@@ -122,7 +122,7 @@ def test_a_recording_is_found_beside_the_scenario(tmp_path):
         ('file = "load.csv"\nvalues = ["1 N"]', "4: disturbance.file: give either"),
     ],
 )
-def test_a_recording_that_does_not_serve_is_refused(tmp_path, table, told):
+def test_a_recording_that_does_not_serve_is_refused(tmp_path, table, message):
     y, holes = np.zeros_like(t), np.where(t > 0.05, np.nan, 0.0)
     units = {"y": "m", "f_d": "N", "holes": "N"}
     Record(t, {"y": y, "f_d": y, "holes": holes}, units).save(tmp_path / "load.csv")
@@ -131,7 +131,7 @@ def test_a_recording_that_does_not_serve_is_refused(tmp_path, table, told):
     with pytest.raises(ConfigError) as caught:
         Scenario.load(path)
     assert len(caught.value.problems) == 1
-    assert f"run.toml:{told}" in str(caught.value)
+    assert f"run.toml:{message}" in str(caught.value)
 
 
 def test_a_signal_has_the_unit_of_its_place():
@@ -157,7 +157,7 @@ def test_a_signal_has_the_unit_of_its_place():
     assert Scenario(reference={"type": "step", "amplitude": "0.5 mm"}).reference.amplitude == 0.5e-3
 
 
-def test_many_mistakes_are_told_at_once_in_order():
+def test_many_mistakes_are_reported_at_once_in_order():
     text = """\
 duration = "0.2 m"
 nois = true
@@ -190,7 +190,7 @@ seed = 3
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ('[reference]\namplitude = "1 mm"', "1: reference.type: missing: one of"),
         ("reference = 3", "1: reference: must be a table, is 3"),
@@ -205,10 +205,10 @@ seed = 3
         ('[controller]\nanti_windup = "0 s"', "2: controller.anti_windup: must be greater than 0"),
     ],
 )
-def test_one_mistake_gives_one_line(text, told):
+def test_one_mistake_gives_one_line(text, message):
     found = refused(text)
     assert len(found) == 1
-    assert told in found[0]
+    assert message in found[0]
 
 
 number = st.floats(-1e6, 1e6)

@@ -232,7 +232,7 @@ def test_planted_faults_of_a_machine_are_seen(fault, machine, tmp_path):
     assert printed(folder, tmp_path / "a.out").startswith("FAIL")
 
 
-def test_fast_math_is_said_in_a_sentence(exported, tmp_path):
+def test_fast_math_is_reported_in_a_sentence(exported, tmp_path):
     said = printed(exported("linear").folder, tmp_path / "a.out", ("-O2", "-ffast-math"))
     assert said.startswith("FAIL")
     assert "assumes that there is neither NaN nor infinity (-ffast-math," in said

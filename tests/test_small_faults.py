@@ -73,18 +73,18 @@ def test_a_filters_file_has_a_version(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ("gate =", "gaet =", "gaet: unknown key, did you mean gate?"),
         ("kind =", 'colour = "blue"\nkind =', "colour: unknown key"),
         ('preset = "zittau_axial"', "preset = 3", "machine.preset: must be a valid string, is 3"),
     ],
 )
-def test_one_mistake_in_a_filters_file_is_one_error(tmp_path, old, new, said):
+def test_one_mistake_in_a_filters_file_is_one_error(tmp_path, old, new, message):
     path = tmp_path / "f.toml"
     path.write_text(filter_text(tmp_path).replace(old, new))
     (problem,) = inspect(path).problems
-    assert said in problem
+    assert message in problem
 
 
 class Mine:
@@ -94,12 +94,12 @@ class Mine:
         return y
 
 
-@pytest.mark.parametrize(("given", "error", "said"), [
+@pytest.mark.parametrize(("given", "error", "message"), [
     *((given, TypeError, r"must be of type .*, is the ")
       for given in (Mine(), ambkit.KalmanFilter, 3, [Mine()])),
     *((given, AmbkitError, r"there is no filter .*linear") for given in ("nosuch", ["nosuch"])),
 ])  # fmt: skip
-def test_what_is_no_filter_is_named_in_a_line(given, error, said):
+def test_what_is_no_filter_is_named_in_a_line(given, error, message):
     calls = [
         lambda: ambkit.assess(ZITTAU, given),
         lambda: ambkit.compare(ZITTAU, given),
@@ -114,7 +114,7 @@ def test_what_is_no_filter_is_named_in_a_line(given, error, said):
     else:
         calls.append(lambda: ambkit.tune(ZITTAU, filter=given))
     for call in calls:
-        with pytest.raises(error, match=said):
+        with pytest.raises(error, match=message):
             call()
 
 
@@ -133,15 +133,15 @@ def test_a_pid_for_several_axes_is_refused_in_a_line():
         ambkit.PID.for_bearing(ambkit.Machine.preset("tum_mlps"))
 
 
-@pytest.mark.parametrize(("call", "said"), [
+@pytest.mark.parametrize(("call", "message"), [
     (lambda _: ambkit.AdaptiveKalmanFilter(ZITTAU, 3), "magnet must be of type MagnetModel, is"),
     (lambda _: ambkit.inject_faults(ZITTAU, {"a": 3}), "a must be of type Estimator, is the int 3"),
     (lambda to: export_c("zittau_axial", ambkit.KalmanFilter(ZITTAU), to),
      "machine must be of type Machine, is the str"),
     (lambda to: export_c(ZITTAU, "linear", to), "filter must be of type Estimator, is the str"),
 ])  # fmt: skip
-def test_what_does_not_fit_is_named_in_a_line(call, said, tmp_path):
-    with pytest.raises(TypeError, match=said):
+def test_what_does_not_fit_is_named_in_a_line(call, message, tmp_path):
+    with pytest.raises(TypeError, match=message):
         call(tmp_path / "c")
 
 
@@ -172,10 +172,10 @@ def test_a_class_is_told_to_be_made():
 
 
 @pytest.mark.parametrize(
-    ("speed", "said"), [(10471.9755, "100000 rpm"), (0.0, "0 rpm"), (1.1e5, "1050400 rpm")]
+    ("speed", "message"), [(10471.9755, "100000 rpm"), (0.0, "0 rpm"), (1.1e5, "1050400 rpm")]
 )
-def test_speeds_have_no_exponent(speed, said):
-    assert units.rpm(speed) == said
+def test_speeds_have_no_exponent(speed, message):
+    assert units.rpm(speed) == message
 
 
 def test_parts_of_a_campaign_say_what_they_were_made_from(tmp_path):

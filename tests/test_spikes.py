@@ -102,7 +102,7 @@ def test_a_control_signal_may_kick_where_its_reference_steps():
     assert found(kick, "u") == []
 
 
-def test_spikes_are_told_drawn_and_taken_as_missing(tmp_path):
+def test_spikes_are_reported_drawn_and_taken_as_missing(tmp_path):
     values = 1e3 * noisy()
     values[[777, 4242, 9001]] = 9.999
     path = tmp_path / "log.parquet"
@@ -142,8 +142,8 @@ def test_of_a_machine_they_are_taken_from_each_reading():
     a, b = noisy(1), noisy(2)
     b[3000] -= 1e-3
     units = {"y_ax": "m", "y_ay": "m", "u_ax": "V"}
-    flown = Record(T, {"y_ax": a, "y_ay": b, "u_ax": np.zeros(N)}, units)
-    cleaned, count = spike_free(flown)
+    run = Record(T, {"y_ax": a, "y_ay": b, "u_ax": np.zeros(N)}, units)
+    cleaned, count = spike_free(run)
     assert count == 1
     assert np.isnan(cleaned["y_ay"][3000])
     assert np.isfinite(cleaned["y_ax"]).all()

@@ -24,7 +24,7 @@ def make(kind, k=1.0):
     return KINDS[kind].make(BEARING.replace(magnet__magnet_constant=constant), None)
 
 
-def flown(loop, change=False):
+def simulated(loop, change=False):
     """States of plant and filter along the stretches; at each cut another filter takes over."""
     runs = []
     for until in CUTS:
@@ -41,7 +41,7 @@ def flown(loop, change=False):
 def test_a_run_in_stretches_is_the_run_in_one_go(kind):
     drift = ExternalInputs(magnet_scale=np.linspace(1, 0.9, samples(BEARING, STEP)))
     whole = simulate_run(BEARING, STEP, estimator=make(kind), external_inputs=drift)
-    truth, mean = flown(Loop(BEARING, STEP, estimator=make(kind), external_inputs=drift))
+    truth, mean = simulated(Loop(BEARING, STEP, estimator=make(kind), external_inputs=drift))
     for column, name in enumerate(("x", "v", "y", "u", "f_mag")):
         assert np.array_equal(truth[:, column], whole.record[name])
     assert np.array_equal(mean, whole.estimate.mean)
@@ -49,8 +49,8 @@ def test_a_run_in_stretches_is_the_run_in_one_go(kind):
 
 @pytest.mark.parametrize("kind", [*PLAIN, "ud"])
 def test_a_twin_that_takes_over_changes_no_bit(kind):
-    twin = flown(Loop(BEARING, STEP, estimator=make(kind)), change=True)
-    one = flown(Loop(BEARING, STEP, estimator=make(kind)))
+    twin = simulated(Loop(BEARING, STEP, estimator=make(kind)), change=True)
+    one = simulated(Loop(BEARING, STEP, estimator=make(kind)))
     assert np.array_equal(twin[0], one[0])
     assert np.array_equal(twin[1], one[1])
 

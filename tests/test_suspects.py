@@ -134,7 +134,7 @@ def test_a_noise_that_hides_the_travel_shows_no_stop():
     assert not any("stop" in text for text in remarks)
 
 
-def test_channels_that_stand_still_are_told_as_what_they_are():
+def test_channels_that_stand_still_are_reported_as_what_they_are():
     assert of_suspects(log(y=RUN["y"], u=0 * RUN["u"])) == [
         "u stands still throughout: is it the control signal?"
     ]
@@ -152,7 +152,7 @@ def test_a_slow_measurement_on_a_finer_grid_is_no_reference():
     assert of_suspects(log(y=y, u=RUN["u"])) == []
 
 
-def test_a_light_low_pass_is_told_by_the_colour_of_the_noise():
+def test_a_light_low_pass_is_reported_by_the_colour_of_the_noise():
     from scipy.signal import butter, lfilter
 
     assert check_plausibility(log(y=RUN["y"], u=RUN["u"]), BEARING) == []
@@ -163,7 +163,7 @@ def test_a_light_low_pass_is_told_by_the_colour_of_the_noise():
     )
 
 
-def test_a_control_signal_too_small_to_hold_the_rotor_is_told():
+def test_a_control_signal_too_small_to_hold_the_rotor_is_reported():
     sine = ambkit.Scenario(reference=ambkit.Sine(amplitude=0.3e-3, frequency=5.0))
     record = ambkit.simulate(BEARING, sine).record
     assert check_plausibility(log(y=record["y"], u=record["u"]), BEARING) == []
@@ -172,7 +172,7 @@ def test_a_control_signal_too_small_to_hold_the_rotor_is_told():
     assert "is the record of another rig, or a unit or a scale wrong?" in told
 
 
-def test_an_offset_that_the_weight_contradicts_is_told():
+def test_an_offset_that_the_weight_contradicts_is_reported():
     rig = Machine.preset("inteco_ml")
     record = ambkit.simulate(rig, duration=2.0).record
     away = Record(record.t, {"y": record["y"] + 7e-3, "u": record["u"]}, {"y": "m", "u": "V"})
@@ -183,7 +183,7 @@ def test_an_offset_that_the_weight_contradicts_is_told():
 
 
 @pytest.mark.parametrize("size", [3, 8])
-def test_a_running_mean_is_told_with_its_length(size):
+def test_a_running_mean_is_reported_with_its_length(size):
     assert check_plausibility(log(y=RUN["y"], u=RUN["u"]), BEARING) == []
     mean = np.convolve(RUN["y"], np.ones(size) / size, "same")
     (told,) = check_plausibility(log(y=mean, u=RUN["u"]), BEARING)
@@ -199,8 +199,8 @@ def test_no_healthy_log_holds_a_running_mean(preset):
             bearing = bearing.replace(sampling_time=times * bearing.sampling_time)
             for given in ({}, {"controller": ambkit.PID.textbook(bearing)}):
                 duration = 4000 * bearing.sampling_time
-                flown = ambkit.Scenario(seed=seed, duration=duration, **given)
-                y = ambkit.simulate(bearing, flown).record["y"]
+                run = ambkit.Scenario(seed=seed, duration=duration, **given)
+                y = ambkit.simulate(bearing, run).record["y"]
                 told.append(averaged(y))
                 means.append(averaged(np.convolve(y, np.ones(3) / 3, "valid")))
     assert told == [0] * len(told)

@@ -69,9 +69,9 @@ def test_the_readme_states_the_bound(exported):
 
 
 @pytest.mark.parametrize(
-    ("bound", "said"), [(0.0, "greater than 0 N"), (1e-9, "needs a table larger than")]
+    ("bound", "message"), [(0.0, "greater than 0 N"), (1e-9, "needs a table larger than")]
 )
-def test_a_bound_that_cannot_be_kept_is_refused(tmp_path, bound, said):
-    with pytest.raises(AmbkitError, match=said):
+def test_a_bound_that_cannot_be_kept_is_refused(tmp_path, bound, message):
+    with pytest.raises(AmbkitError, match=message):
         export("tabulated", tmp_path / "out", force_bound=bound)
     assert not (tmp_path / "out").exists()

@@ -87,7 +87,7 @@ def built(made, folder, source):
 
 
 @pytest.fixture(scope="module")
-def flown():
+def simulated():
     scenario = Scenario(duration=0.0599, reference=Step(amplitude=2e-4, time=0.01))
     return ambkit.simulate(BEARING, scenario).record
 
@@ -99,8 +99,8 @@ def made(request, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def sent(made, flown):
-    y, u = flown["y"].copy(), flown["u"]
+def sent(made, simulated):
+    y, u = simulated["y"].copy(), simulated["u"]
     y[70] = np.nan
     if shutil.which("gcc") is None:
         pytest.skip("gcc is not installed")
@@ -112,12 +112,12 @@ def sent(made, flown):
 
 
 @compiled
-def test_what_is_read_is_what_the_filter_said(made, sent, flown):
+def test_what_is_read_is_what_the_filter_said(made, sent, simulated):
     record = ambkit.read_telemetry(sent, made.folder / "telemetry.json")
     precision = {"float": "float32", "double": "float64"}[made.precision]
-    y = flown["y"].copy()
+    y = simulated["y"].copy()
     y[70] = np.nan
-    there = ambkit.Record(flown.t, {"y": y, "u": flown["u"]})
+    there = ambkit.Record(simulated.t, {"y": y, "u": simulated["u"]})
     estimate = KalmanFilter(BEARING, precision=precision).run(there)
     n = len(record.t)
     there_is = ~np.isnan(record["x"])
@@ -149,7 +149,7 @@ def test_what_is_damaged_is_left_out(made, sent):
 
 
 @compiled
-def test_what_are_no_frames_of_it_is_said(made, sent, tmp_path):
+def test_what_are_no_frames_of_it_is_reported(made, sent, tmp_path):
     layout = made.folder / "telemetry.json"
     with pytest.raises(RecordError, match="two frames at least"):
         ambkit.read_telemetry(b"AMBF" + bytes(200), layout)
@@ -166,9 +166,9 @@ def test_what_are_no_frames_of_it_is_said(made, sent, tmp_path):
 
 
 @compiled
-@pytest.mark.parametrize("flown", [False, True], ids=["filter", "controller"])
-def test_frames_of_a_machine(flown, tmp_path):
-    scenario = Scenario() if flown else None
+@pytest.mark.parametrize("simulated", [False, True], ids=["filter", "controller"])
+def test_frames_of_a_machine(simulated, tmp_path):
+    scenario = Scenario() if simulated else None
     made = export_c(
         machine(), None, tmp_path / "c", prefix="rig", telemetry=True, scenario=scenario
     )
@@ -176,7 +176,7 @@ def test_frames_of_a_machine(flown, tmp_path):
     names = [each["name"] for each in told["numbers"]]
     one = KalmanFilter(machine(), precision="float32")
     readings = [each.name for each in machine().readings]
-    axes = [axis.name for axis in machine().axes] if flown else []
+    axes = [axis.name for axis in machine().axes] if simulated else []
     assert names == [
         *(state.name for state in one.states),
         *(f"{what}_{name}" for what in ("innovation", "variance") for name in readings),
@@ -184,8 +184,8 @@ def test_frames_of_a_machine(flown, tmp_path):
     ]
     folder = tmp_path / "user"
     folder.mkdir()
-    program = built(made, folder, OF_COMMAND if flown else USES)
-    if flown:
+    program = built(made, folder, OF_COMMAND if simulated else USES)
+    if simulated:
         record = ambkit.read_telemetry(
             subprocess.run([program], capture_output=True, timeout=60).stdout,
             made.folder / "telemetry.json",

@@ -173,7 +173,7 @@ def test_midnight_is_passed_and_told(tmp_path):
         read(log(tmp_path / "log.csv", cells), ChannelMap.from_toml(MAP))
 
 
-def test_what_is_no_time_is_told_with_its_line(tmp_path):
+def test_what_is_no_time_is_reported_with_its_line(tmp_path):
     cells = [f"2024-05-03 12:00:00.{k:03}" for k in range(20)]
     cells[4], cells[7], cells[9] = "2024-02-30 12:00:00.004", "soon", "2024-05-03 24:01:00"
     with pytest.raises(RecordError) as failure:
@@ -195,7 +195,7 @@ def test_what_is_no_time_is_told_with_its_line(tmp_path):
         read(log(tmp_path / "log.csv", cells), ChannelMap.from_toml(MAP))
 
 
-def test_a_clock_with_too_few_digits_is_told():
+def test_a_clock_with_too_few_digits_is_reported():
     ticks = [f"12:00:0{k // 1000}" for k in range(4000)]
     assert np.unique(seconds(ticks).seconds).size == 4
 
@@ -262,7 +262,7 @@ def test_the_guess_and_the_reading_of_each_format(tmp_path, kind):
 
 
 @pytest.mark.parametrize("kind", ["h5", "mat"])
-def test_a_format_is_told_of_an_array_too(tmp_path, kind):
+def test_a_format_is_reported_of_an_array_too(tmp_path, kind):
     cells = np.array([f"12h00m0{k}" for k in range(9)])
     path = tmp_path / f"log.{kind}"
     y = np.sin(np.arange(9.0))

@@ -74,7 +74,7 @@ def test_the_file_is_the_filter(walks, tmp_path):
         assert "likelihood of walk.csv; ambkit tune" in read.origin[NOISE[0]]
 
 
-def test_what_cannot_be_tuned_is_said(walks):
+def test_what_cannot_be_tuned_is_reported(walks):
     with pytest.raises(AmbkitError, match="the low-pass filter has no innovation variance"):
         ambkit.tune(BEARING, walks, "low-pass")
     with pytest.raises(AmbkitError, match='there is no filter "kalman"'):
@@ -85,7 +85,7 @@ def test_what_cannot_be_tuned_is_said(walks):
         ambkit.tune(BEARING, walks[0].between(None, 0.01), "linear")
 
 
-def test_a_value_at_its_bound_is_told(walks):
+def test_a_value_at_its_bound_is_reported(walks):
     wrong = BEARING.replace(sensor__noise_variance=1e4 * BEARING.sensor.noise_variance)
     found = ambkit.tune(wrong, walks[:1], "linear", free=["noise.measurement"], budget=16)
     assert any("noise.measurement ran into the end of its range" in w for w in found.warnings)

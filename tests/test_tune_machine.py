@@ -24,7 +24,7 @@ def record():
 
 
 def test_variances_of_axes_keep_their_ratios():
-    candidate = candidate_of_kind("linear", TUM, whole=True)
+    candidate = candidate_of_kind("linear", TUM, all_noise=True)
     own = KalmanFilter(TUM).variances
     (growth,) = (each for each in candidate.tunable if each.name == "noise.disturbance")
     assert growth.default == pytest.approx(np.exp(np.mean(np.log(own.disturbance))))
@@ -102,15 +102,15 @@ def test_one_expert_is_kept_for_all_bearings(call):
     assert len(read.make().magnet.models) == 4
 
 
-@pytest.mark.parametrize(("arguments", "code", "said"), [
+@pytest.mark.parametrize(("arguments", "code", "message"), [
     (["tune", "tum_mlps", "--filter", "linear", "--budget", "3", "--seeds", "1"], 0,
      "Peak of |S| in the loop"),
     (["tune", "tum_mlps", "--filter", "low-pass"], 2, "takes one axis"),
 ])  # fmt: skip
-def test_commands(arguments, code, said, call):
+def test_commands(arguments, code, message, call):
     told = call(*arguments)
     assert told.code == code, told.err
-    assert said in " ".join((told.out + told.err).split())
+    assert message in " ".join((told.out + told.err).split())
 
 
 def test_the_same_filter_of_another_machine_keeps_its_noise():

@@ -103,13 +103,13 @@ def test_the_mean_force_is_the_integral_where_the_tangent_is_not():
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         ({"alpha": 0.0}, "alpha must be greater than 0, got 0.0"),
         ({"kappa": -4.0}, "kappa must be greater than -4, got -4.0"),
         ({"kappa": -3.5}, "beta must be 0.5 or more for a variance, got 0.0"),
     ],
 )
-def test_parameters_that_leave_no_spread_are_told(options, told):
-    with pytest.raises(ValueError, match=told):
+def test_parameters_that_leave_no_spread_are_reported(options, message):
+    with pytest.raises(ValueError, match=message):
         ambkit.UnscentedKalmanFilter(BEARING, **options)

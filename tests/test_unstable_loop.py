@@ -52,7 +52,7 @@ def test_it_is_drawn(found):
     assert f"{pole.frequency:.4g} Hz grows by {pole.growth:.3g}/s" in figure.caption
 
 
-def test_it_is_told_and_written(found, tmp_path):
+def test_it_is_reported_and_written(found, tmp_path):
     pole = found.to_dict()["loops"][MEASUREMENT]["unstable_poles"]["1"]
     assert pole["time_to_double"] == pytest.approx(math.log(2) / pole["growth"])
     assert found.rows[0].kept is False

@@ -118,7 +118,7 @@ def machine_called(name):
     return Machine.preset("zittau_axial" if name in LATE else name).replace(**LATE.get(name, {}))
 
 
-def flown(case):
+def simulated(case):
     """Return what Python has of a flight, and what the page is asked for the same."""
     name, kinds, feedback, start, wrong, Q = case
     machine, kinds = machine_called(name), kinds.split()
@@ -190,7 +190,7 @@ def page(browser, tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case[0]}-{case[3]}-{case[2]}")
 def test_numbers_in_chromium_are_those_of_python(page, case):
-    record, estimates, asked = flown(case)
+    record, estimates, asked = simulated(case)
     same_numbers(record, estimates, page.evaluate("ask.fly", asked))
 
 
@@ -200,7 +200,7 @@ def test_numbers_in_node_are_those_of_python(case, tmp_path):
     node = shutil.which("node")
     if not node:
         pytest.skip("no node here")
-    record, estimates, asked = flown(case)
+    record, estimates, asked = simulated(case)
     workbench_of(None).save(tmp_path / "bench.html")
     script = Path(__file__).with_name("workbench_node.js")
     command = [node, str(script), str(tmp_path / "bench.html")]

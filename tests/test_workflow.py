@@ -44,9 +44,9 @@ def test_a_measured_record_is_tuned_on_its_second_quarter_and_judged_on_the_seco
     likeliest = tune_disturbance(
         BEARING, quarter, lambda growth: build(ambkit.FilterNoise(disturbance=growth))
     )
-    assert one.tuning.found.disturbance == likeliest.intensity
+    assert one.tuning.tuned.disturbance == likeliest.intensity
     assert one.tuning.untuned.disturbance == default_disturbance(BEARING)
-    assert one.noise == (one.tuning.found if one.tuning.kept else one.tuning.untuned)
+    assert one.noise == (one.tuning.tuned if one.tuning.kept else one.tuning.untuned)
 
 
 def test_nothing_is_tuned_where_the_truth_or_the_noise_is_known(made):

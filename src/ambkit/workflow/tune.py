@@ -248,9 +248,7 @@ def tune(
     if max_sensitivity is not None:
         loop.check(trials.build(), max_sensitivity)
     optimum = search(chosen, trials.cost, budget, seeds.start, done)
-    evaluated = [
-        Costed(t.values, real) for t, real in zip(optimum.points, trials.costs, strict=True)
-    ]
+    evaluated = [Costed(p.values, c) for p, c in zip(optimum.points, trials.costs, strict=True)]
     peaks = tuple(trials.peaks)
     untuned = trials.untuned_peak(evaluated, kind) if gives_estimate else math.nan
     limit = math.inf if max_sensitivity is None else max_sensitivity
