@@ -59,7 +59,7 @@ def test_currents_are_those_of_the_simulation(name, precision, tmp_path):
     one = machine(speed=600.0)
     export_c(one, None, tmp_path / "c", prefix="f", precision=precision, scenario=flight, **options)
     told = run(tmp_path / "c")
-    assert "pass: f with its controllers, 1020 samples flown: equal to the last bit" in told
+    assert "pass: f with its controllers, 1020 samples: equal to the last bit" in told
 
 
 @compiled
@@ -69,7 +69,7 @@ def test_currents_are_those_of_the_simulation(name, precision, tmp_path):
 def test_those_of_presets(name, kind, tmp_path):
     flight = Scenario(controller=Control(type=kind)).fed("estimate")
     export_c(Machine.preset(name), None, tmp_path / "c", prefix="f", scenario=flight)
-    assert "samples flown: equal to the last bit" in run(tmp_path / "c")
+    assert "samples: equal to the last bit" in run(tmp_path / "c")
 
 
 @compiled
@@ -78,7 +78,7 @@ def test_a_rotor_that_bends_is_force_free_as_in_the_simulation(tmp_path):
     one = Machine.preset("ufu_flexible").replace(speed="9000 rpm")
     flight = Scenario(controller=Control(unbalance="force-free")).fed("estimate")
     export_c(one, None, tmp_path / "c", prefix="f", scenario=flight, **UNBALANCE)
-    assert "samples flown: equal to the last bit" in run(tmp_path / "c")
+    assert "samples: equal to the last bit" in run(tmp_path / "c")
 
 
 def test_what_is_flown_visits_limits_and_losses():

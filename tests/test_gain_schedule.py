@@ -91,7 +91,7 @@ def test_the_c_has_its_bits_in_a_run_up(feedback, precision, tmp_path):
     law = Control(type="translation and tilt", feedback=feedback, schedule=schedule)
     flight = Scenario(controller=law, speed=Ramp(slope=600.0, start=0.0, end=1.0))
     export_c(ONE, None, tmp_path / "c", prefix="f", precision=precision, scenario=flight)
-    assert "samples flown: equal to the last bit" in run(tmp_path / "c")
+    assert "samples: equal to the last bit" in run(tmp_path / "c")
     data = tmp_path / "c" / "f_data.c"
     data.write_text(data.read_text().replace(".schedule = &schedule", ".schedule = NULL"))
     assert "FAIL: f with its controllers" in run(tmp_path / "c")

@@ -235,7 +235,7 @@ def test_planted_faults_of_a_machine_are_seen(fault, machine, tmp_path):
 def test_fast_math_is_reported_in_a_sentence(exported, tmp_path):
     said = printed(exported("linear").folder, tmp_path / "a.out", ("-O2", "-ffast-math"))
     assert said.startswith("FAIL")
-    assert "assumes that there is neither NaN nor infinity (-ffast-math," in said
+    assert "assumes that neither NaN nor infinity occurs (-ffast-math," in said
 
 
 def test_edited_constants_are_named(exported, tmp_path):
@@ -244,7 +244,7 @@ def test_edited_constants_are_named(exported, tmp_path):
     data = tmp_path / "out" / f"{made.name}_data.c"
     data.write_text(re.sub(r"(\.x_max = \{\s*)[\d.]+F", r"\g<1>0.0011F", data.read_text()))
     said = printed(tmp_path / "out", tmp_path / "a.out")
-    assert f"The constants in {made.name}_data.c are not those that were exported" in said
+    assert f"The CRC of the constants in {made.name}_data.c differs" in said
 
 
 @pytest.mark.parametrize("kind", ["linear", "tabulated", "multiple-model"])

@@ -1,14 +1,13 @@
-/* The whole controller of an axis or a machine, in one step from readings to control currents:
- * estimator, what looks after it, controllers, lift-off and landing. The same text is simulated and
- * flies.
+/* Controller of an axis or a machine: one step from readings to control currents, with estimator,
+ * supervision, controllers, lift-off and landing. The same source is simulated and exported.
  *
- *   x   = estimates, of which loads count from half of the way up on; or readings
- *   iu  = controllers of the reference and x (ambkit/controllers.h), where the currents are on
+ *   x   = readings, or estimates, whose disturbance forces are used from half of the lift on
+ *   iu  = controllers of the reference and x (ambkit/controllers.h), while the currents are on
  *
- * The estimator starts at the first readings between the stops, starts anew where it is no rotor,
- * and can be used where it is settled and not too long without a reading. With that, and with
- * currents that do not stay at their limits, the rotor lifts, flies and lands (ambkit/sequence.h).
- * As it lifts, integrals start at what holds a rotor where this one lies.
+ * The estimator starts at the first readings between the stops, and restarts if it is implausible.
+ * It is usable once it has settled and unless readings have been missing for too long. Its use and
+ * currents that stay at their limits control lift-off, landing and trip (ambkit/sequence.h).
+ * Integrals start, at lift-off, at the currents that hold the rotor at its contact position.
  */
 #ifndef AMBKIT_CONTROL_H
 #define AMBKIT_CONTROL_H
