@@ -335,7 +335,9 @@ def _exportable(file: FilterFile, name: Any, choice: Sequence[str]) -> FilterFil
 
 
 def scenario_argument(value: Any) -> Scenario | None:
-    """Return the scenario that is given or in a file."""
+    """Return a scenario, or load it."""
+    if isinstance(value, str) and not (os.path.exists(value) or value.endswith(".toml")):
+        raise AmbkitError(f'there is no file "{value}"; a scenario is a .toml file')
     return Scenario.load(value) if isinstance(value, str | os.PathLike) else value
 
 

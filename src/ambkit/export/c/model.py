@@ -131,7 +131,7 @@ OF_PAPER = {
     "x": "displacement of the rotor [m]",
     "v": "its velocity [m/s]",
     "f_d": "disturbance force [N]",
-    "x_m": "what the sensor shows without its noise [m]",
+    "x_m": "sensor output without noise [m]",
 }
 OTHERS = ("k_i", "k_s", "innovation", "variance", "feed_back")  #: Further fields of the estimates.
 

@@ -292,7 +292,7 @@ def _assumed(filter: Estimator) -> dict[str, str]:
     labels = {
         "measurement": ("noise of the measurement, R", "m^2"),
         "control": ("noise of the control signal", f"{filter.machine.control_unit}^2"),
-        "disturbance": ("growth of the disturbance force's variance, Q", "N^2/s"),
+        "disturbance": ("process noise intensity of the disturbance force, Q", "N^2/s"),
     }
     assumptions = {}
     for name, value in filter.variances._asdict().items():

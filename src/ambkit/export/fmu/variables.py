@@ -88,7 +88,7 @@ def _variances(filter: Estimator) -> list[Variable]:
          "positive"),
         ("control_variance", "V2", "variance of the control signal", axes, assumed.control,
          "not negative"),
-        ("disturbance_growth", "N2/s", "growth of the disturbance force's variance", axes,
+        ("disturbance_growth", "N2/s", "process noise intensity of the disturbance force", axes,
          assumed.disturbance, "not negative"),
     )  # fmt: skip
     return [
