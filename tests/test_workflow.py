@@ -90,3 +90,23 @@ def test_an_experiment_lasts_forty_periods():
     k_s, mass = ambkit.ConstantStiffness.of(BEARING).k_s, BEARING.rotor.mass
     period = 2 * np.pi / (k_s / mass) ** 0.5
     assert experiment_duration(BEARING) == pytest.approx(40 * period, rel=0.05)
+
+
+def test_the_part_of_a_run_that_is_evaluated_is_stated():
+    """Before a power failure only, unless the filter models contact."""
+    scenario = ambkit.Scenario(duration=0.1, off=0.06)
+    run = ambkit.simulate("zittau_axial", scenario, filter="extended")
+    assert "until the power failure" in run.finding
+    assert "until the power failure" in [row.value for row in run.rows]
+    contact = ambkit.simulate("zittau_axial", scenario, filter="contact")
+    assert "until" not in contact.finding
+
+
+def test_a_demanded_current_at_its_limit_counts_with_a_slow_amplifier():
+    """The current itself approaches the limit without reaching it."""
+    machine = ambkit.preset("zittau_axial").replace(amplifier__bandwidth="500 Hz")
+    force = ambkit.Scenario(duration=0.05, disturbance=ambkit.Step(amplitude=60.0, time=0.0))
+    run = ambkit.simulate(machine, force)
+    counted = {row.key: row.value for row in run.rows}["samples_at_the_current_limit"]
+    assert counted > 50
+    assert (np.abs(run.record["iu"]) >= machine.current_max).sum() < 10

@@ -28,6 +28,12 @@ in one time constant, by 20 in three. With the first the peak of abs(S) is about
 with the second beyond zone C.
 """
 
+FOLLOWING = (
+    f"least with which a step of {STEP:.0%} of the load capacity is followed in {REQUIRED:g} "
+    "sqrt(m/k_s)"
+)
+"""Origin of a process noise intensity that the records bound from above only."""
+
 
 def load_capacity(plant: Machine) -> list[float]:
     """Return the disturbance [N] that each axis can hold at x = 0, in either direction."""

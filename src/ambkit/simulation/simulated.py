@@ -26,6 +26,7 @@ from ambkit.result.row import At, Row, Section
 from ambkit.simulation.run_figure import simulation_figure
 
 ERRORS = ("rmse",)
+NEARLY = 1 - 1e-6  #: Of a limit; a demanded current at it has rounding errors.
 TURNING = ("synchronous",)  #: Sections of its rows.
 
 
@@ -73,7 +74,9 @@ class Run(Result):
         contact_text = "contact with a stop" if self.samples_at_the_stop else "no contact"
         if self.estimate is None:
             return f"{self.title}; {contact_text}."
-        return f"{self.title}; {contact_text}, mean NIS {self.nis:.3f} ({self.estimate.estimator})."
+        span = self._evaluated_part and f" {self._evaluated_part}"
+        quality = f"mean NIS {self.nis:.3f}{span} ({self.estimate.estimator})"
+        return f"{self.title}; {contact_text}, {quality}."
 
     @cached_property
     def rows(self) -> list[Row]:
@@ -98,14 +101,15 @@ class Run(Result):
         if self.estimate is None:
             return results
         units = self.estimate.units
-        errors = errors_along(self.estimate, record, *self._in_flight)
+        errors = errors_along(self.estimate, record, *self._evaluated_samples)
         results += [
             Row("estimator", "filter", self.estimate.estimator),
+            Row("evaluated", "  evaluated", self._evaluated_part or None),
             Row("nis", "  mean NIS (1: consistent)", self.nis),
             *(Row(name, name, error, units[name], section=ERRORS)
               for name, error in errors.items()),
         ]  # fmt: skip
-        if self._in_flight[1] is None:
+        if self._evaluated_samples[1] is None:
             results += [row for item in self.turning for row in item.rows(())]
         return results
 
@@ -122,7 +126,7 @@ class Run(Result):
         results: dict[str, Any] = {"machine": self.machine.name}
         if "mode" in self.record:
             results["modes"] = self.modes
-        if self.turning and self._in_flight[1] is None:
+        if self.turning and self._evaluated_samples[1] is None:
             results["synchronous"] = {
                 item.name: {"covariance": item.covariance.tolist()} for item in self.turning
             }
@@ -168,7 +172,7 @@ class Run(Result):
         """Mean normalised innovation squared during levitation; NaN without an estimate."""
         if self.estimate is None:
             return math.nan
-        first, end = self._in_flight
+        first, end = self._evaluated_samples
         return float(np.mean(self.estimate.nis[first:end][1:]))
 
     def _by_axis(self, values: Mapping[str, Any]) -> Any:
@@ -181,15 +185,23 @@ class Run(Result):
 
     @property
     def _at_the_limit(self) -> int:
-        limits = [
-            (isolated_axis.current_min, isolated_axis.current_max)
-            for isolated_axis in isolated_axes(self.machine)
-        ]
-        parts = zip(self._currents.values(), limits, strict=True)
-        return int(np.any([(iu >= high) | (iu <= low) for iu, (low, high) in parts], axis=0).sum())
+        """Samples in which a demanded current, which the amplifier follows, is at its limit."""
+        reached = []
+        for name, axis in zip(self.axes, isolated_axes(self.machine), strict=True):
+            demanded = axis.amplifier.gain * self.record[signal("u", name)][self.energised]
+            low, high = NEARLY * axis.current_min, NEARLY * axis.current_max
+            reached.append((demanded >= high) | (demanded <= low))
+        return int(np.any(reached, axis=0).sum())
+
+    @property
+    def _evaluated_part(self) -> str:
+        """Part of the run in which the estimate is evaluated, in words; empty for all of it."""
+        if self._evaluated_samples == (0, None):
+            return ""
+        return "during levitation" if self.energised.all() else "until the power failure"
 
     @cached_property
-    def _in_flight(self) -> tuple[int, int | None]:
+    def _evaluated_samples(self) -> tuple[int, int | None]:
         """First sample of levitation, and the one after its last."""
         # Outside levitation contact forces act and the magnets may be off, which only the filter
         # contact models. 0 and None: all of the record.

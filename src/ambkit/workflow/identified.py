@@ -32,20 +32,16 @@ from ambkit.identification.maximum_likelihood.validation import Validation, vali
 from ambkit.identification.noise import Noise, StandstillNoise
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
-from ambkit.judge.load_following import REQUIRED, STEP, least_process_noise
+from ambkit.judge.load_following import FOLLOWING, least_process_noise
 from ambkit.machine.machine import Machine
 from ambkit.machine.stiffness import operating_points
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 from ambkit.workflow.identified_toml import annotated_toml, carried_over
+from ambkit.workflow.tuning import in_units
 
-RAISED = made_by(
-    "identify",
-    f"least with which a step of {STEP:.0%} of the load capacity is followed in {REQUIRED:g} "
-    "sqrt(m/k_s)",
-)
-"""Origin of a process noise intensity that the records bound from above only."""
+RAISED = made_by("identify", FOLLOWING)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -243,8 +239,8 @@ class Identified(Result):
         noise = self.filter.variances.disturbance if self.machine.single else None
         if noise is not None and RAISED in self.filter.origin.values():
             notes.append(
-                f"The filter's noise.disturbance is {engineering(noise, 'N^2/s', 3)}: with the "
-                f"{engineering(model.disturbance_noise, 'N^2/s', 3)} of the records it would "
+                f"The filter's noise.disturbance is {in_units(noise)}: with the "
+                f"{in_units(model.disturbance_noise)} of the records it would "
                 "follow a disturbance force too slowly."
             )
         return [*notes, *sentences(self.adequacy)]

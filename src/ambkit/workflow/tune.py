@@ -21,7 +21,6 @@ from ambkit.data.input_scaling import Inputs
 from ambkit.data.record import Record
 from ambkit.estimate import DEFAULT
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.filter_saving import made_by, origin_of
 from ambkit.estimate.registry import get_kind, learned_magnet
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
@@ -267,7 +266,7 @@ def tune(
     if inputs is not None:
         estimator.inputs = inputs
     if use_tuned:
-        estimator.origin = origin_of(best.values, made_by("tune", task.data_text(source)))
+        estimator.origin = task.origin(best.values, source)
     warnings = [*_at_an_end(chosen, best.values), *task.warnings(estimator, use_tuned, after)]
     warnings += stop_notes(machine, estimator.name)
     if use_tuned and gives_estimate:

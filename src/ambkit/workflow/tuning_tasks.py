@@ -16,17 +16,24 @@ from ambkit.data.record import Record
 from ambkit.data.signals import values_of
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.filter_saving import made_by, origin_of
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.cases import CASES, Trial, loaded, trials
 from ambkit.judge.comparison.comparison import raw_error
 from ambkit.judge.comparison.tuning import SIGNALS, Candidate, Costed, Range, errors
 from ambkit.judge.evaluation import evaluate
-from ambkit.judge.load_following import least_process_noise
+from ambkit.judge.load_following import FOLLOWING, least_process_noise
 from ambkit.machine.axes import slowest_time
 from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.descriptions import OfMatrices
 from ambkit.machine.rotors.modes import above, max_frequency
-from ambkit.workflow.tuning import MUCH_LESS_LIKELY, TOO_LARGE, check_signals, log_likelihood
+from ambkit.workflow.tuning import (
+    MUCH_LESS_LIKELY,
+    TOO_LARGE,
+    check_signals,
+    in_units,
+    log_likelihood,
+)
 
 By = Literal["likelihood", "truth"]
 
@@ -61,6 +68,7 @@ class LikelihoodObjective:
 
     by: By = "likelihood"
     judge = JUDGED["likelihood"]
+    likely: float | None = None  #: Process noise by likelihood, if it was raised above [N^2/s].
 
     def __init__(
         self, machine: Machine, records: Sequence[Record], validate: Sequence[Record]
@@ -124,6 +132,7 @@ class LikelihoodObjective:
             )  # fmt: skip
             if raised > result:
                 values = {**best.values, noise_range.name: raised}
+                self.likely = result
                 accepted_trial = Costed(values, cost(values))
         return accepted_trial
 
@@ -167,9 +176,11 @@ class LikelihoodObjective:
                 results[f"error of {name}"] = pooled(e.rmse[name] for e in parts)
         return results
 
-    def data_text(self, source: str) -> str:
-        """Return the data of the tuning in words."""
-        return f"likelihood of {source or f'{len(self.seen)} records'}"
+    def origin(self, values: Iterable[str], source: str) -> dict[str, str]:
+        """Return the origin of tuned values by their keys in a filter file."""
+        data = f"likelihood of {source or f'{len(self.seen)} records'}"
+        raised = {} if self.likely is None else {"noise.disturbance": made_by("tune", FOLLOWING)}
+        return origin_of(values, made_by("tune", data)) | raised
 
     def warnings(
         self, _estimator: Estimator, kept: bool, after: Mapping[str, float]
@@ -177,6 +188,11 @@ class LikelihoodObjective:
         """Return warnings about the selected filter and its data."""
         if self.spikes:
             yield self.spikes
+        if kept and self.likely is not None:
+            yield (
+                "noise.disturbance is larger than its value by likelihood, "
+                f"{in_units(self.likely)}, too small to follow a disturbance force"
+            )
         if not kept:
             yield "the tuned filter is no more likely on validation data: the untuned one is used"
         if kept and after["nis"] > TOO_LARGE**2:
@@ -284,9 +300,10 @@ class SimulationObjective:
         """Return the rms error of the sensors along the axes in the validation runs [m]."""
         return raw_error(self.machine, [trial.record for trial in self.unseen], self.first)
 
-    def data_text(self, source: str) -> str:
-        """Return the data of the tuning in words."""
-        return f"errors in {len(self.seen)} simulated runs of {self.machine.name}"
+    def origin(self, values: Iterable[str], _source: str) -> dict[str, str]:
+        """Return the origin of tuned values by their keys in a filter file."""
+        data = f"errors in {len(self.seen)} simulated runs of {self.machine.name}"
+        return origin_of(values, made_by("tune", data))
 
     def warnings(
         self, estimator: Estimator, kept: bool, after: Mapping[str, float]

@@ -220,9 +220,11 @@ class _Map:
         if role in ("y", "r", "x_logged") and y is not None:
             middle = middle if falls else float(np.median(seen(y.values)))
             away = middle if is_inverted != falls else -middle
+            if si_unit(unit) == "V":  # with the scale above
+                away, unit = away * factor(unit, "V"), "mm"
             yield f'# offset = "{away:.4g} {unit}"  # if x = 0 is at its median'
         elif of_current:
-            away = middle if is_inverted else -middle
+            away = (middle if is_inverted else -middle) * factor(unit, "A")
             yield f'# offset = "{away:.4g} V"  # if its median is the bias current'
         if role == "y" and weight is not None:
             yield from (
