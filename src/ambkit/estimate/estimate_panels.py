@@ -91,13 +91,14 @@ def innovation_panel(name: str, estimate: Any, time: Axis, absent: Sequence[Item
         Line(t, -expected, signal="bound", label=""),
         *absent,
     ]
-    axis = Axis(f"innov. {label_of(name)}" if name else "innovation", "µm", 1e6)
+    axis = Axis("innovation", "µm", 1e6)
+    title = f"Innovations of {label_of(name)}" if name else ""
     sizes = np.abs(innovation[np.isfinite(innovation)])
     if not sizes.size:
-        return Panel(time, axis, items)
+        return Panel(time, axis, items, title=title)
     most = float(np.nanmax([np.quantile(sizes, 0.995), *expected]))
     if sizes.max() <= BEYOND * most:
-        return Panel(time, axis, items)
+        return Panel(time, axis, items, title=title)
     edge = 1.3 * most
     far = np.flatnonzero(np.abs(np.nan_to_num(innovation)) > edge)
     for sign, style in ((1, "beyond above"), (-1, "beyond below")):
@@ -110,4 +111,4 @@ def innovation_panel(name: str, estimate: Any, time: Axis, absent: Sequence[Item
     # At the record's end the text would not fit.
     at = float(np.clip(t[largest], *(t[0] + np.ptp(t) * np.array([0.05, 0.95]))))
     items.append(Note(at, 0.84 * edge * (1 if up else -1), value, "below" if up else "above"))
-    return Panel(time, replace(axis, limits=(-edge, edge)), items)
+    return Panel(time, replace(axis, limits=(-edge, edge)), items, title=title)

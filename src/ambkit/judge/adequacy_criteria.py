@@ -78,8 +78,7 @@ def innovations(nis: float) -> Iterator[Finding]:
     if not low <= nis <= high:
         text = (
             f"innovations are {math.sqrt(nis):.2g} times what the filter expects (mean NIS "
-            f"{nis:.3g}, consistent from {low:g} to {high:g}); are the units, the signs and the "
-            "bearing those of this record?"
+            f"{nis:.3g}, consistent from {low:g} to {high:g})"
         )
     yield Finding("mean NIS", nis, "1", limit, text, not 1 / NIS_LIMIT <= nis <= NIS_LIMIT)
 

@@ -130,7 +130,8 @@ def in_words(machine: Machine) -> list[str]:
         features.append(f"amplifier of {engineering(amplifier.bandwidth, 'Hz')}{within}")
     if machine.delay is not None:
         samples = machine.delay / machine.sampling_time
-        features.append(f"delay of {engineering(machine.delay, 's')}, {samples:.3g} samples")
+        unit = "sample" if samples == 1 else "samples"
+        features.append(f"delay of {engineering(machine.delay, 's')}, {samples:.3g} {unit}")
     if sensor.quantisation is not None:
         features.append(f"quantisation of {engineering(sensor.quantisation, 'm')}")
     if sensor.position_noise:

@@ -20,6 +20,7 @@ from ambkit.result.signal_styles import CURRENT, DISTURBANCE, NOISE, POSITION, T
 TURNS = 5  #: Revolutions of an orbit in a dark colour, at the end of the run.
 AXES = ("first axis", "second axis")  #: Axes of a radial bearing.
 DISPLACEMENT = Axis("displacement", "µm", 1e6)
+SPEED = Axis("speed of rotation", "rpm", 30 / math.pi)
 _ACROSS = Axis("$x$, against gravity", "µm", 1e6), Axis("$y$", "µm", 1e6)
 
 
@@ -47,11 +48,8 @@ def simulation_figure(run: Any) -> Figure:
     ]
     supplied = np.where(run.energised, 1.0, np.nan)
     control = Line(t, supplied * record["iu"], signal="control", label="control current")
-    follows = (
-        []
-        if estimate is None
-        else [item for n in estimate.states_with_role("current") for item in lines(n)]
-    )
+    currents = [] if estimate is None else estimate.states_with_role("current")
+    follows = [Line(t, supplied * estimate[n], signal=name) for n in currents]
     coloured = None if estimate is None else estimate.sensor_noise
     noises = (
         [] if coloured is None
@@ -112,6 +110,7 @@ def _machine_figure(run: Any) -> Figure:
     rpm = units.rpm(speed[-1], 6)
     if speed.max() != speed.min():
         rpm = f"{units.rpm(speed[0], 6).removesuffix(' rpm')} to {rpm}"
+        panels.append(Panel(full_time, SPEED, [Line(t, speed, signal="truth", label="speed")]))
     caption = (
         f"The rotor at {rpm}; orbits over the whole run, and dark over its last {TURNS} "
         "revolutions; the circle is the touch-down bearing where it is near."

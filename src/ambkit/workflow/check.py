@@ -239,7 +239,7 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> Inspec
     mass = engineering(result.rotor.mass, "kg")
     parts = [f"{result.name}, {result.magnet.type}, {mass}", *in_words(result)]
     about = "; ".join([*parts, _default_filter(result)])
-    return Inspection(about, (), tuple(sentences(list(of_machine(result)))))
+    return Inspection(about, (), tuple(sentences(judge_adequacy(default_filter(result)))))
 
 
 def _default_filter(machine: Machine) -> str:

@@ -21,7 +21,7 @@ from ambkit.machine.magnets import own_time
 from ambkit.simulation.run import simulate
 from ambkit.simulation.scenario import Reference, Scenario
 from ambkit.simulation.waveforms import Sequence as Steps
-from ambkit.workflow.tuning import in_units, tune_disturbance
+from ambkit.workflow.tuning import check_signals, in_units, tune_disturbance
 
 HEALTHY = 0.25  #: Share of a record used to tune the process noise.
 MOVED = 0.1  #: Steps of the reference, over the clearance.
@@ -34,6 +34,7 @@ def diagnosed(record: Any, filter: Any, machine: Any, channels: Any, window: Any
         raise AmbkitError("machine is missing: a preset's name, or a TOML file")
     plant = FilterFile.load(filter).plant if machine is None else machine_argument(machine)
     log = record_argument(record, channels, window)
+    check_signals(plant, log)
     kalman, remarks = _filter(filter, plant, log)
     if plant.turns and not any(state.role == "unbalance" for state in kalman.states):
         remarks.append(

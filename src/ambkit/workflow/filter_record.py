@@ -102,6 +102,8 @@ def filtered(
     }  # fmt: skip
     for name, one in result.estimators.items():
         remarks += [*_of_tuning(one), *(f"{name}: {text}" for text in sentences(adequacy[name]))]
+    if any(item.sentence for of in adequacy.values() for item in of if item.name == "mean NIS"):
+        remarks.append("Are units, signs and machine those of this record?")
     estimates = {name: one.evaluation.estimate for name, one in result.estimators.items()}
     remarks += [*angle_notes(plant, log, estimates), *_warnings(result, len(log), estimates)]
     source = str(record) if isinstance(record, str | os.PathLike) else ""

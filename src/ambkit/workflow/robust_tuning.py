@@ -187,6 +187,8 @@ def tune_robust(
     ranges = task.chosen(free)
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     search = _opened(optuna, storage, task, ranges, seed)
+    if budget < 1:
+        raise AmbkitError(f"budget must be at least 1, is {budget}")
     for number in range(len(search.trials), budget):
         trial = search.ask()
         if number < len(task.kinds):  # the untuned designs, with the study's filter first

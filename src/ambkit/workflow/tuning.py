@@ -41,6 +41,9 @@ def check_signals(machine: Machine, record: Record) -> None:
     lacking = [name for name in needed if name not in record]
     if lacking:
         raise AmbkitError(f"the record has no {', '.join(lacking)}, which {machine.name} gives")
+    empty = [name for name in needed if not np.isfinite(record[name]).any()]
+    if empty:
+        raise AmbkitError(f"the record has no valid sample of {', '.join(empty)}")
 
 
 def default_disturbance(machine: Machine) -> Any:

@@ -198,10 +198,15 @@ def _find_quantity(annotations: Iterable[Any]) -> Quantity | None:
     return None
 
 
+SAME = {"axial": "thrust", "thrust": "axial"}
+"""A bearing along the shaft is a thrust bearing, a sensor along it is axial."""
+
+
 def _choice(value: Any, allowed: str) -> str:
     """Return the allowed words; `allowed` is pydantic's list in single quotes."""
     words = re.findall("'([^']*)'", allowed)
-    near = difflib.get_close_matches(str(value), words, 1)
+    same = [SAME[value]] if value in SAME and SAME[value] in words else []
+    near = same or difflib.get_close_matches(str(value), words, 1)
     text = f"must be {_one_of(words)}, is {_shown(value)}"
     return text + (f"; did you mean {_shown(near[0])}?" if near else "")
 

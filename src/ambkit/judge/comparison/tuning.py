@@ -224,6 +224,8 @@ def search(
 ) -> Search:
     """Return the values of least cost, with a fixed number of evaluations."""
     # See `tune` for the method.
+    if budget < 1:
+        raise AmbkitError(f"budget must be at least 1, is {budget}")
     trials: list[Costed] = []
 
     def at(point: Array) -> float:
