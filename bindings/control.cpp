@@ -38,11 +38,14 @@ struct Recorded {
 
 // Runs the controller along a record from power-on; the estimator keeps its final state.
 Named run(Control &self, const Samples &y, const Samples &r, const Vector &fly, amb_real speed,
-          const std::optional<Vector> &transferred, const std::optional<Named> &recorded)
+          const std::optional<Vector> &transferred, const std::optional<Named> &recorded,
+          const std::optional<Vector> &energised)
 {
   const size_t n = samples_of(y, self.m, "y"), entries = self.n * (self.n + 1) / 2;
   same_length(n, samples_of(r, self.q, "r"), "r");
   same_length(n, fly.size(), "fly");
+  if (energised)
+    same_length(n, energised->size(), "energised");
   if (transferred)
     same_length(self.p, transferred->size(), "transferred");
   std::optional<Recorded> from;
@@ -72,6 +75,8 @@ Named run(Control &self, const Samples &y, const Samples &r, const Vector &fly, 
       status.data[k] = static_cast<unsigned short>(
           amb_control_step(&self.control, &state, filter, y.data() + k * self.m,
                            r.data() + k * self.q, speed, fly.data()[k] > 0, &out));
+      if (energised && !(energised->data()[k] > 0))
+        amb_control_deenergise(&self.control, &state, filter);
       std::copy_n(out.iu, self.p, iu.data + k * self.p);
       std::copy_n(state.u, self.p, u.data + k * self.p);
       std::copy_n(self.estimator.base().mean, self.n, mean.data + k * self.n);
@@ -211,8 +216,9 @@ void bind_control(nb::module_ &m)
            nb::keep_alive<1, 2>())
       .def("run", &run, nb::arg("y"), nb::arg("r"), nb::arg("fly"), nb::arg("speed") = 0,
            nb::arg("transferred").none() = nb::none(), nb::arg("recorded").none() = nb::none(),
+           nb::arg("energised").none() = nb::none(),
            "A record from power-on: readings (n, m) [m], references (n, q) [m], and whether it is "
            "to fly, 1 or 0. Or in flight from the first sample on, taken over with currents (p,) "
            "[A]. `recorded`: mean, u, covariance and snapshot of each sample, to begin the next "
-           "at.");
+           "at. `energised`: 0 where the power fails from that sample on.");
 }

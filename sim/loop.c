@@ -64,7 +64,8 @@ static void sense(const amb_loop *loop, amb_loop_state *s, void *filter,
 }
 
 /* Advances the plant to the next sample, with these shares of the amplifiers' ranges; NULL: all of
- * them. The filter is notified if the magnets have no current, as by the amplifiers' ready signal.
+ * them. Controller and filter are notified if the magnets have no current, as by the amplifiers'
+ * ready signal.
  */
 static bool act(const amb_loop *loop, amb_loop_state *s, void *filter,
                 const amb_loop_sample *sample, const amb_real share[])
@@ -78,7 +79,9 @@ static bool act(const amb_loop *loop, amb_loop_state *s, void *filter,
                          .next = sample->speed != NULL ? sample->speed[1] : own,
                          .scale = sample->scale,
                          .off = sample->off || (loop->control != NULL && !s->control_output.on)};
-  if (acts.off && (loop->estimator != NULL))
+  if (sample->off && (loop->control != NULL))
+    amb_control_deenergise(loop->control, &s->control, filter);
+  else if (acts.off && (loop->estimator != NULL))
     amb_deenergise(loop->estimator, filter);
   for (size_t c = 0; c < axes(loop); c++) {
     const amb_real left = share != NULL ? share[c] : 1;

@@ -249,7 +249,7 @@ def test_a_rotor_drops_and_levitates_again_in_one_run(name, sequence):
     displacement = np.array([run.record[run.displacement(axis)][-end:] for axis in run.axes])
     assert np.abs(displacement).max() < 0.6 * machine.bearings[0].clearance
     assert sequence is None or [mode["mode"] for mode in run.modes] == [
-        "flying", "landing", "off", "waiting", "lifting", "flying",
+        "flying", "tripped", "off", "waiting", "lifting", "flying",
     ]  # fmt: skip
 
 

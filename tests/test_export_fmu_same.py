@@ -13,7 +13,7 @@ from quick import quick
 
 import ambkit
 from ambkit import PID, ClosedLaw, Control, FilterNoise, KalmanFilter, Machine, Scenario, Step
-from ambkit.control.control import LiftOff, Mode
+from ambkit.control.control import WITH_CURRENT, LiftOff, Mode
 from ambkit.control.controller_states import Controller
 from ambkit.data.record import Record
 from ambkit.estimate.kalman import AdaptiveKalmanFilter
@@ -23,7 +23,13 @@ from ambkit.machine.magnets import magnet_of
 from ambkit.machine.stiffness import stiffness_map
 from ambkit.simulation.recording import noise_samples
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import Disturbance, Reference, settled_scenario
+from ambkit.simulation.scenario import (
+    Disturbance,
+    Reference,
+    energised,
+    fly_command,
+    settled_scenario,
+)
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
@@ -129,6 +135,10 @@ CASES = {
     "feed forward in flight that lands": Case(
         SOFT, BOTH, {"sequence": QUICK, "controller": PID(feed_forward=1.0)}
     ),
+    "power failure": Case(
+        AXIS, ((WHOLE, 2), (WHOLE, 3)),
+        {"sequence": LiftOff(wait=1e-3, lift=5e-3), "off": 0.01, "on": 0.012}, "contact",
+    ),
     "from rest": Case(
         AXIS, ((LOOP, 3), (WHOLE, 2)), {"start": "released", "controller": Control(type="lqg")}
     ),
@@ -178,12 +188,17 @@ def inputs_of(path, kind, scenario, run):
         if "y" in record.signals and scenario.controller.feedback == "measurement":
             known["x"] = record["y"]
     if scenario.sequence is not None:
-        known["fly"] = scenario.sequence.fly(record.t)
+        known["energised"] = energised(scenario, record.t, machine.sampling_time)
+        known["fly"] = fly_command(scenario.sequence, record.t, known["energised"])
     if "y" not in record.signals:
         known["speed"] = np.full(n, machine.speed)
     described = fmpy.read_model_description(str(path)).modelVariables
     wanted = [variable.name for variable in described if variable.causality == "input"]
-    assert all(name in known for name in wanted if not name.startswith(("fault", "base_", "on")))
+    assert all(
+        name in known
+        for name in wanted
+        if not name.startswith(("fault", "base_", "on", "energised"))
+    )
     return {name: known[name] for name in wanted if name in known}
 
 
@@ -199,6 +214,8 @@ def outputs_of(kind, scenario, run, names):
                 yield name, values, 1
         elif name == "status":
             yield name, run.status, 1
+        elif name == "on" and "mode" in record.signals:  # as commanded, whether or not supplied
+            yield name, np.isin(record["mode"], WITH_CURRENT), 1
         elif name not in record.signals or name.startswith("f_mag"):
             continue
         elif name.startswith(("x", "v", "q_", "s_")):
@@ -328,6 +345,7 @@ ESTIMATORS = {
         name: (AXIS, kind(name), 3)
         for name in (
             "low-pass", "observer", "extended", "ud", "unscented", "augmented", "multiple-model",
+            "contact",
         )
     },
     # The paper's own step, a kind with more than the model, one gain, and none.
@@ -361,11 +379,14 @@ def check_estimate(found, estimate, machine, names, precision="float64"):
 def test_an_estimator_alone_has_the_library_s_bits(name, tmp_path):
     machine, make, fmi = ESTIMATORS[name]
     record, estimator = spoilt(machine), make(machine)
+    if hasattr(estimator, "deenergise"):
+        on = np.where((record.t > 0.005) & (record.t < 0.008), 0.0, 1.0)
+        record = Record(record.t, record.signals | {"on": on}, record.units | {"on": "1"})
     constant = isinstance(estimator, ambkit.LowPass | ambkit.ExtendedStateObserver)
     estimate = estimator.run(record, covariance=not constant)
     path = fmu.export_fmu(machine, estimator, tmp_path / "made.fmu", fmi=fmi).path
     assert validate_fmu(str(path)) == []
-    inputs = {name: record[name] for name in record.signals}
+    inputs = {"energised" if name == "on" else name: record[name] for name in record.signals}
     found = simulated(path, machine.sampling_time, **inputs)
     names = [at for at in found.dtype.names[1:] if not (constant and at.startswith("std_"))]
     check_estimate(found, estimate, machine, names, estimator.precision)

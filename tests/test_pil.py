@@ -8,7 +8,7 @@ import pytest
 from exporting import export_c, pil
 
 import ambkit
-from ambkit import KalmanFilter, Machine, Record, Scenario, Step
+from ambkit import ContactKalmanFilter, KalmanFilter, Machine, Record, Scenario, Step
 from ambkit.base.errors import AmbkitError
 from ambkit.control.control import Control, LiftOff, Mode
 from ambkit.data.input_scaling import Inputs, Scaling
@@ -16,6 +16,7 @@ from ambkit.estimate.filter_file import FilterFile, filter_file_for
 from ambkit.export.pil import build
 from ambkit.export.pil.loop import Processor
 from ambkit.simulation.waveforms import Ramp
+from benchmarks.contact import with_stop
 
 BEARING = Machine.preset("zittau_axial")
 TOOLS = (build.QEMU_BOARD.compiler, build.QEMU)
@@ -43,14 +44,12 @@ def test_what_is_missing_is_reported_with_what_to_install(tool, monkeypatch, cal
     [
         (["tum_mlps", "--filter", "steady-state"], "takes one axis"),
         (["tum_mlps", "--scenario", "axis.toml"], "feed_forward: is made of the estimate"),
-        (["zittau_axial", "--scenario", "drop.toml"], "off: the exported controller has no input"),
         (["zittau_axial", "--board", "arduino"], "must be one of stm32f4, amdc, c2000"),
         (["zittau_axial", "--board", "c2000"], "TI's C2000 code generation tools"),
     ],
 )
 def test_what_cannot_be_flown_is_reported(words, said, call, tmp_path):
     (tmp_path / "axis.toml").write_text(SCENARIO.fed("measurement").to_toml())
-    (tmp_path / "drop.toml").write_text('off = "0.1 s"')
     if "c2000" in words and shutil.which("cl2000"):
         pytest.skip("there is a compiler for it")
     told = call("pil", *words)
@@ -67,7 +66,11 @@ FLOWN = {
     "a run-up, let turn": (
         TURNED.replace(controller=Control(unbalance="force-free")), {"synchronous": ["unbalance"]},
     ),
+    "a power failure": (TURNED.replace(speed=None, off=0.03, on=0.032), {}),
 }  # fmt: skip
+OUTAGE = [
+    "OFF", "WAITING", "LIFTING", "FLYING", "TRIPPED", "OFF", "WAITING", "LIFTING", "LANDING", "OFF",
+]  # fmt: skip
 
 
 @pytest.mark.long
@@ -75,14 +78,14 @@ FLOWN = {
 @pytest.mark.parametrize("name", FLOWN)
 def test_a_whole_machine_is_flown_with_the_bits_of_the_simulation(name, tmp_path):
     flight, options = FLOWN[name]
-    machine = Machine.preset("tum_mlps")
-    KalmanFilter(machine, **options).save(tmp_path / "filter.toml")
+    machine, of = Machine.preset("tum_mlps"), KalmanFilter
+    if flight.off is not None:
+        machine, of = with_stop(machine, 1e9), ContactKalmanFilter
+    of(machine, **options).save(tmp_path / "filter.toml")
     file = filter_file_for(str(tmp_path / "filter.toml"), machine)
     found = pil(machine, scenario=flight, filter_file=file)
     assert (found.unequal, found.unequal_frames, found.selftest) == (0, 0, 0)
-    assert [mode for _, mode in found.modes] == [
-        "OFF", "WAITING", "LIFTING", "FLYING", "LANDING", "OFF",
-    ]  # fmt: skip
+    assert [mode for _, mode in found.modes] == OUTAGE[:4] + OUTAGE[4 if flight.off else -2 :]
     assert found.stack_seen <= (found.built.stack or 0)
 
 

@@ -247,3 +247,11 @@ amb_status amb_control_step(const amb_control *control, amb_control_state *state
   }
   return status;
 }
+
+void amb_control_deenergise(const amb_control *control, amb_control_state *state, void *filter)
+{
+  amb_deenergise(control->estimator, filter);
+  if (control->sequence != NULL) {
+    amb_sequence_trip(&state->sequence);
+  }
+}

@@ -22,6 +22,14 @@ bool amb_sequence_on(const amb_sequence_state *state)
          (state->mode == AMB_LANDING);
 }
 
+void amb_sequence_trip(amb_sequence_state *state)
+{
+  if (state->mode != AMB_OFF) {
+    state->mode = AMB_TRIPPED;
+    state->share = AMB_C(0.0);
+  }
+}
+
 /* Counter of consecutive samples, limited to `limit` + 1. */
 static unsigned int counted(unsigned int in_a_row, bool one_more, unsigned int limit)
 {
@@ -89,8 +97,7 @@ amb_flight_mode amb_sequence_step(const amb_sequence *sequence, amb_sequence_sta
     state->unusable = counted(state->unusable, !usable, sequence->lost);
     state->limited = counted(state->limited, limited, sequence->overloaded);
     if ((state->unusable > sequence->lost) || (state->limited > sequence->overloaded)) {
-      state->mode = AMB_TRIPPED;
-      state->share = AMB_C(0.0);
+      amb_sequence_trip(state);
     }
   }
   /* any other value: a bit in memory has flipped */

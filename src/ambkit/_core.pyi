@@ -437,9 +437,9 @@ class Control:
 
     def __init__(self, estimator: Estimator, fields: dict[str, Any]) -> None: ...
 
-    def run(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], r: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], speed: float = 0, transferred: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, recorded: dict[str, Any] | None = None) -> dict[str, Any]:
+    def run(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], r: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], speed: float = 0, transferred: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, recorded: dict[str, Any] | None = None, energised: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None) -> dict[str, Any]:
         """
-        A record from power-on: readings (n, m) [m], references (n, q) [m], and whether it is to fly, 1 or 0. Or in flight from the first sample on, taken over with currents (p,) [A]. `recorded`: mean, u, covariance and snapshot of each sample, to begin the next at.
+        A record from power-on: readings (n, m) [m], references (n, q) [m], and whether it is to fly, 1 or 0. Or in flight from the first sample on, taken over with currents (p,) [A]. `recorded`: mean, u, covariance and snapshot of each sample, to begin the next at. `energised`: 0 where the power fails from that sample on.
         """
 
 class LoopState:

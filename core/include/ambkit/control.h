@@ -94,6 +94,11 @@ amb_status amb_control_step(const amb_control *control, amb_control_state *state
                             const amb_real y[AMB_SENSORS], const amb_real r[], amb_real speed,
                             bool fly, amb_control_output *out);
 
+/* Before a step: the magnets carried no current since the last sample, as in a power failure. The
+ * estimator predicts without magnet forces (amb_deenergise), and with a sequence the rotor trips.
+ */
+void amb_control_deenergise(const amb_control *control, amb_control_state *state, void *filter);
+
 AMB_EXTERN_C_END
 
 #endif

@@ -46,6 +46,9 @@ bool amb_sequence_on(const amb_sequence_state *state);
 amb_flight_mode amb_sequence_step(const amb_sequence *sequence, amb_sequence_state *state, bool fly,
                                   bool usable, bool limited);
 
+/* Without currents until the command to levitate is withdrawn; remains off if it is. */
+void amb_sequence_trip(amb_sequence_state *state);
+
 /* The share of the way, with zero velocity at both ends [1]. */
 amb_real amb_sequence_way(const amb_sequence_state *state);
 

@@ -120,10 +120,10 @@ class Controller:
 
     def run(
         self, y: ArrayLike, r: ArrayLike, fly: ArrayLike, *, transferred: float | None = None,
-        other: dict[str, Any] | None = None,
+        other: dict[str, Any] | None = None, energised: ArrayLike | None = None,
     ) -> dict[str, NDArray[Any]]:  # fmt: skip
         """Run a single axis along readings from power-on, with the bits of the exported C."""
-        # y (n,) [m]; r (n,) [m]; fly (n,)
+        # y (n,) [m]; r (n,) [m]; fly, energised (n,)
         number = np.dtype(self.estimator.precision).type
         position, _ = self.estimator.in_si(y, np.zeros(0))
         output: dict[str, Any] = self.in_core(**(other or {})).run(
@@ -131,6 +131,7 @@ class Controller:
             np.ascontiguousarray(r, number),
             np.ascontiguousarray(fly, number),
             transferred=None if transferred is None else np.array([transferred], number),
+            energised=None if energised is None else np.ascontiguousarray(energised, number),
         )
         output["iu"], output["u"] = output["iu"].ravel(), output["u"].ravel()
         bias = number(self.first_axis.magnet.bias_current)

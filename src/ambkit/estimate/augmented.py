@@ -80,6 +80,7 @@ class AugmentedKalmanFilter(Estimator):
             raise ValueError(f"wander must be 0 1/s or more, got {wander!r}")
         if not (0 < least <= 1 <= most < math.inf):
             raise ValueError(f"limits must be 0 < least <= 1 <= most, got {least!r}, {most!r}")
+        self.scale_std = scale_std
         self._own: dict[str, Any] = {
             "std": scale_std,
             "var_k": wander * machine.sampling_time,
@@ -147,6 +148,7 @@ class MultipleModelFilter(Estimator):
         if not (math.isfinite(sojourn) and sojourn >= 2 * T):
             raise ValueError(f"sojourn must be two samples or more [s], got {sojourn!r}")
         self.scales = tuple(float(s) for s in scales)
+        self.scale_std = float(np.std(self.scales))
         self._own = {"leave": T / sojourn, **_learning(machine, excitation)}
         super().__init__(machine, magnet, **options)
 

@@ -18,7 +18,7 @@ from ambkit.base.own_class import MARK
 from ambkit.estimate import DEFAULT
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.axes import ForceLaws, constant_stiffness, force_laws, ideal_laws
-from ambkit.machine.force_law import MagnetModel
+from ambkit.machine.force_law import MagnetModel, core_module
 from ambkit.machine.machine import Machine
 
 
@@ -35,7 +35,11 @@ class CoreKernel:
     #: Path of the covariance that determines the others of such a state; by default the base's.
     covariance: str = ""
     calls: tuple[str, ...] = ()  #: Further files that it calls.
-    deenergises: bool = False  #: Whether it predicts without magnet current where there is none.
+
+    @property
+    def deenergises(self) -> bool:
+        """Whether it predicts without magnet forces where there is no current."""
+        return hasattr(getattr(core_module(), self.binding), "deenergise")
 
     @property
     def methods(self) -> str:
@@ -121,7 +125,6 @@ class FilterKind:
     adaptive_noise: Mapping[str, Any] | None = None
     ratios: tuple[str, ...] = ()  #: Dimensionless options that are not tuned.
     magnet_class: str = ""  #: Class of magnet that distinguishes it from others of its class.
-    magnet_tolerance: float = 0.0  #: Tolerance of the magnet constant that its covariance includes.
 
     def make(
         self, machine: Machine, magnet: MagnetModel | None = None, **options: Any
@@ -239,7 +242,7 @@ KINDS = {
             ),
             ideal_laws,
             (*NOISE, Tunable("wander", "1/s", lambda _: 0.01)),
-            ratios=("scale_std", "excitation", "least", "most"), magnet_tolerance=0.3,
+            ratios=("scale_std", "excitation", "least", "most"),
         ),
         FilterKind(
             "multiple-model", "interacting multiple models",
@@ -249,7 +252,7 @@ KINDS = {
             ),
             ideal_laws,
             (*NOISE, Tunable("sojourn", "s", lambda _: 1.0, decades=1.0)),
-            ratios=("scales", "excitation"), magnet_tolerance=0.3,
+            ratios=("scales", "excitation"),
         ),
         FilterKind(
             "unscented", "unscented Kalman filter",
@@ -259,7 +262,7 @@ KINDS = {
         FilterKind(
             "contact", "extended Kalman filter, contact with stops",
             "contact.ContactKalmanFilter",
-            CoreKernel("Contact", has_state=True, base="base.", deenergises=True), ideal_laws,
+            CoreKernel("Contact", has_state=True, base="base."), ideal_laws,
             ratios=("scatter",),
         ),
         FilterKind(

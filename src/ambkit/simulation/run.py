@@ -27,14 +27,8 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import default_filter
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, core_module
-from ambkit.simulation.external_inputs import (
-    ExternalInputs,
-    Faults,
-    OwnPlant,
-    angle_readings,
-    as_series,
-    columns,
-)
+from ambkit.simulation.angle_sensor import angle_readings
+from ambkit.simulation.external_inputs import ExternalInputs, Faults, OwnPlant, as_series, columns
 from ambkit.simulation.fields import InLoops, StraightLine
 from ambkit.simulation.recording import noise_samples, recorded, white
 from ambkit.simulation.scenario import (
@@ -44,6 +38,7 @@ from ambkit.simulation.scenario import (
     check_for,
     energised,
     feedback_of,
+    fly_command,
     settled_scenario,
 )
 from ambkit.simulation.simulated import Run as Run
@@ -139,10 +134,9 @@ class Loop:
         )
         self._fly = self.external_inputs.fly
         self._energised = energised(self.scenario, self._t, machine.sampling_time)
+        self._fails = self.scenario.off is not None
         if self._fly is None and self.scenario.sequence is not None:
-            self._fly = self.scenario.sequence.fly(self._t)
-            if self._energised is not None:
-                self._fly *= self._energised
+            self._fly = fly_command(self.scenario.sequence, self._t, self._energised)
         fed = self.scenario.feedback == "estimate"
         if estimator is None and (fed or self.scenario.sequence is not None):
             estimator = default_filter(machine)
@@ -304,7 +298,7 @@ class Loop:
             else {name: converter(item) for name, item in faults.series.items()},
             "beside": faults is not None and faults.beside,
             "fly": None if self._fly is None else converter(self._fly),
-            "on": None if self._energised is None else converter(self._energised),
+            "on": converter(self._energised) if self._fails else None,
         }  # fmt: skip
         of_form = self._form.arguments(self.core, estimator, external_inputs.place, **own)
         return core_arguments | self._own | of_form | self._turning(here)
@@ -379,7 +373,7 @@ class Loop:
             series |= {"speed": self._speed[here], "base": self._base[here]}
         if self.readings is not None:
             series["angle"] = self.readings[here]
-        if self._energised is not None:
+        if self._fails:
             series["on"] = self._energised[here]
         record = recorded(self._form, t, out, series, here.start)
         usable = out["usable"].astype(bool) if "usable" in out else None

@@ -149,8 +149,9 @@ class Scenario(Described, Document):
     touch-down bearings [s].
     """
     on: Annotated[float, Quantity("s", "0.5 s", above=0)] | None = None
-    """Time at which the power returns [s]. By default never. With `sequence` the command to
-    levitate is withdrawn in between, so that the rotor lifts off as at the start.
+    """Time at which the power returns [s]. By default never. With `sequence` the controller
+    trips when the power fails; the command to levitate is withdrawn for a sample when the power
+    returns, so that the rotor lifts off as at the start.
     """
     sequence: LiftOff | None = None
     """Lift-off and landing of all axes, and trips. By default levitation from the start."""
@@ -192,13 +193,19 @@ class Scenario(Described, Document):
         return self.model_copy(update={"controller": self.controller.fed_by(feedback)})
 
 
-def energised(scenario: Scenario, t: Array, T: float) -> Array | None:
-    """Return 1 where the magnets are supplied, else 0 (n,); None if there is no power failure."""
+def energised(scenario: Scenario, t: Array, T: float) -> Array:
+    """Return 1 where the magnets are supplied, 0 in a power failure (n,)."""
     # t (n,) [s], sampled every T [s]
-    if scenario.off is None:
-        return None
-    samples, on = np.round(t / T), math.inf if scenario.on is None else round(scenario.on / T)
-    return np.where((samples < round(scenario.off / T)) | (samples >= on), 1.0, 0.0)
+    off, on = (math.inf if at is None else round(at / T) for at in (scenario.off, scenario.on))
+    samples = np.round(t / T)
+    return np.where((samples < off) | (samples >= on), 1.0, 0.0)
+
+
+def fly_command(sequence: LiftOff, t: Array, energised: Array) -> Array:
+    """Return the command to levitate (n,), withdrawn for a sample when the power returns."""
+    fly = sequence.fly(t)
+    fly[1:][np.diff(energised) > 0] = 0.0
+    return fly
 
 
 def by_axis(scenario: Scenario, what: str, first: str) -> list[tuple[str, Any]]:

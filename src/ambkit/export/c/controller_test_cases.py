@@ -18,7 +18,7 @@ from ambkit.export.c.test_vectors import flag_rows, without_digits
 from ambkit.machine.machine import Machine
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import Disturbance, Reference, Scenario
+from ambkit.simulation.scenario import Disturbance, Reference, Scenario, energised
 from ambkit.simulation.waveforms import Constant, Ramp, Step, Sum
 
 FAST_SEQUENCE: dict[str, Any] = {
@@ -28,6 +28,7 @@ FAST_SEQUENCE: dict[str, Any] = {
 LIFTED, UP = 300, 130  #: Samples of a flight in the self-test, and from which on the rotor is up.
 SLOW = 20  #: Samples of a plant's time constant, for each of which a flight takes as many more.
 TRANSFER_SAMPLES = 40  #: Samples of a flight that is taken over.
+OUTAGE = 250, 256  #: Samples of a power failure.
 PUSH, PULL = 0.2, 3.0  #: Loads of the flights, in what an axis can pull with its greatest current.
 
 
@@ -40,6 +41,7 @@ class Vectors(NamedTuple):
     speed: Array  # (N,) [rad/s]; or readings of the angle's sensor
     mode: NDArray[np.uint8]  # (N,): what they were doing
     fly: Bools  # (N,): whether they were told to fly
+    energised: Bools  # (N,): whether the magnets were supplied from a sample on
     status: NDArray[np.uint16]  # (N,): flags of filter and controllers
     usable: Bools  # (N,): whether the estimate could be used
     mean: Array  # (N, states), each in its unit
@@ -102,7 +104,8 @@ def vectors(controller: Controller, scenario: Scenario) -> Vectors:
         mode = record["mode"].astype(np.uint8)
         fly = case.fly > 0
         speed = record["speed" if machine.angle is None else machine.angle.channel[0]]
-        part = (y, r, u, speed, mode, fly, run.status, run.usable, run.estimate.mean)
+        on = energised(case.flight, record.t, machine.sampling_time) > 0
+        part = (y, r, u, speed, mode, fly, on, run.status, run.usable, run.estimate.mean)
         part = _as_read(controller, part)
         parts.append((*part, _snapshots(controller, part, None, turns=turns)))
     flight_count = len(parts)
@@ -129,53 +132,53 @@ def vectors(controller: Controller, scenario: Scenario) -> Vectors:
 
 def _as_read(controller: Controller, part: tuple[Any, ...]) -> tuple[Any, ...]:
     """Return a flight as the rig's numbers have it, which are rounded; what is in SI as it is."""
-    filter, (y, r, _, speed, _, fly, *_) = controller.estimator, part
+    filter, (y, r, _, speed, _, fly, on, *_) = controller.estimator, part
     raw = filter.inputs.y.numbers(y)
     if raw is y:
         return part
     number = np.dtype(filter.precision).type
     raw = raw.astype(number).astype(float)
-    return (raw, *_along(controller, raw, r, speed, fly))
+    return (raw, *_along(controller, raw, r, speed, fly, on))
 
 
 def _output(
-    controller: Controller, y: Array, r: Array, speed: Array, fly: Bools,
+    controller: Controller, y: Array, r: Array, speed: Array, fly: Bools, energised: Bools,
     transfer_currents: Array | None, recorded: dict[str, Array] | None = None,
 ) -> dict[str, NDArray[Any]]:  # fmt: skip
     """Return the controller's output along readings (n, m)."""
     filter = controller.estimator
     number = np.dtype(filter.precision).type
     si, _ = filter.in_si(y, np.zeros(0))
-    signals = (np.ascontiguousarray(item, number) for item in (si, r, fly))
+    *signals, on = (np.ascontiguousarray(item, number) for item in (si, r, fly, energised))
     kernel = controller.in_core(**fast_sequence(controller))
     currents = None if transfer_currents is None else transfer_currents.astype(number)
     before = recorded and {key: values.astype(number) for key, values in recorded.items()}
-    result: dict[str, Any] = kernel.run(*signals, float(speed[0]), currents, before)
+    result: dict[str, Any] = kernel.run(*signals, float(speed[0]), currents, before, on)
     return result
 
 
 def _along(
-    controller: Controller, y: Array, r: Array, speed: Array, fly: Bools,
+    controller: Controller, y: Array, r: Array, speed: Array, fly: Bools, energised: Bools,
     transfer_currents: Array | None = None,
 ) -> tuple[Any, ...]:  # fmt: skip
     """Return what the controller gives along readings (n, m), as `Vectors` has it from `r` on."""
-    output = _output(controller, y, r, speed, fly, transfer_currents)
+    output = _output(controller, y, r, speed, fly, energised, transfer_currents)
     status, usable = output["status"], output["usable"] > 0
-    return r, output["u"], speed, output["mode"], fly, status, usable, output["mean"]
+    return r, output["u"], speed, output["mode"], fly, energised, status, usable, output["mean"]
 
 
 def _snapshots(
     controller: Controller, part: tuple[Any, ...], transfer_currents: Array | None, *, turns: bool
 ) -> Snapshots:
     """Return which covariances of a run are restored, and where rounding is amplified."""
-    y, r, u, speed, mode, fly, status, *_ = part
+    y, r, u, speed, mode, fly, on, status, *_ = part
     filter = controller.estimator
     # In float digits are lost, of several axes; what a core keeps beside them is not restored.
     kept = c_literals.called(filter).has_state
     if not (turns or kept or filter.machine.single or filter.precision == "float64"):
         return snapshots_of(
             controller,
-            lambda of, recorded: _output(of, y, r, speed, fly, transfer_currents, recorded),
+            lambda of, recorded: _output(of, y, r, speed, fly, on, transfer_currents, recorded),
         )
     amplified = without_digits(filter, y, u)
     if len(controller.plant.machine.readings) > 1 and filter.precision == "float32":
@@ -206,7 +209,7 @@ def _transferred(
     corrupted[8:30], corrupted[34:37] = y[8], np.nan
     over = []
     for y_k, r_k, fly in ((y, r, landing), (y, r + far, staying), (corrupted, r, staying)):
-        part = (y_k, *_along(controller, y_k, r_k, speed, fly, transfer_currents))
+        part = (y_k, *_along(controller, y_k, r_k, speed, fly, staying, transfer_currents))
         over.append((*part, _snapshots(controller, part, transfer_currents, turns=False)))
     return over, transfer_currents
 
@@ -236,9 +239,11 @@ def _cases(controller: Controller, scenario: Scenario) -> Iterator[TestCase]:
     references[190 * slow, 0] = references[193 * slow, -1] = references[196 * slow, :] = np.nan
     landing_scenario = _event_scenario(machine, scenario, 1.0, PUSH, slow)
     yield TestCase(landing_scenario, _corrupted(machine, well, slow), references, lands)
-    # It has tripped when it is told not to fly, and lifts again.
+    # It has tripped when it is told not to fly, and lifts again until the power fails.
     pulled = _event_scenario(machine, scenario, -1.0, PULL, slow)
-    yield TestCase(pulled, _lost(machine, well, slow), none, commands((200, 210)))
+    off, on = (slow * k * machine.sampling_time for k in OUTAGE)
+    failing = pulled.model_copy(update={"off": off, "on": on})
+    yield TestCase(failing, _lost(machine, well, slow), none, commands((200, 210)))
     references = none.copy()
     references[180 * slow :: 3] = np.nan
     yield TestCase(pulled, well, references, commands())  # a current at its limit trips it
@@ -304,13 +309,14 @@ def with_infinite_inputs(values: Array) -> Array:
     return result
 
 
-def marks_of(tested: Vectors) -> NDArray[np.uint8]:
+def marks_of(tested: Vectors) -> NDArray[np.uint16]:
     """Return the mode of each sample and the marks that the template of the self-test has (N,)."""
-    result = tested.mode + 8 * tested.fly.astype(np.uint8) + 32 * tested.usable.astype(np.uint8)
+    result = tested.mode + 8 * tested.fly.astype(np.uint16) + 32 * tested.usable.astype(np.uint16)
     result[tested.starts] += 16
     result[tested.transfers] += 64
     result[tested.snapshots.amplified] += 128
-    return result.astype(np.uint8)
+    result[1:][~tested.energised[:-1]] += 256
+    return np.asarray(result)
 
 
 def coverage(controller: Controller, tested: Vectors) -> list[tuple[str, str]]:
@@ -328,4 +334,5 @@ def coverage(controller: Controller, tested: Vectors) -> list[tuple[str, str]]:
     for mode in Mode:
         rows.append((f"`AMB_{mode.name}`", f"{int((tested.mode == mode).sum())} samples"))
     rows.append(("a current at its limit", f"{tested.saturated} samples"))
+    rows.append(("a power failure", f"{int((~tested.energised).sum())} samples"))
     return [*rows, *flag_rows(tested.status)]

@@ -13,6 +13,7 @@ from ambkit.control.pid import PID
 from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.machine_model import several
+from ambkit.export.c.c_literals import called
 from ambkit.export.c.model import states
 from ambkit.export.fmu.controller import ControllerStart
 from ambkit.export.fmu.xml import TIME, Limit, Variable, per_name
@@ -31,6 +32,7 @@ def of_estimator(filter: Estimator) -> tuple[Variable, ...]:
         TIME,
         *_readings(filter.machine),
         *per_name("u", "input", "V", about, _axes(filter.machine), limit="losable"),
+        *((ENERGISED,) if called(filter).deenergises else ()),
         *_estimates("", filter),
         *_variances(filter),
     )
@@ -203,6 +205,7 @@ def of_complete_controller(
         *_readings(machine),
         *_references(machine, limit="losable"),
         *((FLY,) if _lifts(loop_controller) else ()),
+        ENERGISED,
         *_speed(machine),
         replace(coils[0], first="coil_0"), *coils[1:],
         *per_name("u", "output", "V", "control signal", axes, held=True),
@@ -221,6 +224,9 @@ def of_complete_controller(
 AT = ("the coil towards +x", "the other coil")  #: The two coils of a pair.
 
 
+ENERGISED = Variable(
+    "energised", "input", "1", "magnets supplied from this sample on: from 0.5 on", 1.0
+)
 FLY = Variable("fly", "input", "1", "command to levitate: from 0.5 on", 1.0)
 MODES = "0 off, 1 waiting, 2 lifting, 3 levitated, 4 landing, 5 tripped"
 MODE = Variable("mode", "output", "", MODES, held=True)

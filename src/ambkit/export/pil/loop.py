@@ -36,7 +36,7 @@ from ambkit.result.row import Row, Section, put
 from ambkit.result.signal_styles import TIME
 from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.run_figure import simulation_figure
-from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.scenario import Scenario, energised, fly_command
 
 OFTEN = 20  #: Samples between two counts of instructions.
 PATIENCE = 60.0  #: Timeout of an answer, which takes less than one second.
@@ -54,7 +54,7 @@ class Processor:
         # Inputs and outputs of a sample: ``c/samples.h``.
         self.sample = np.dtype([
             ("y", "<f4", (sensors,)), ("r", "<f4", (axes,)), ("speed", "<f4"), ("fly", "<u4"),
-            ("counted", "<u4"),
+            ("failed", "<u4"), ("counted", "<u4"),
         ])  # fmt: skip
         self.answer = np.dtype([
             ("coil", "<f4", (axes, 2)), ("iu", "<f4", (axes,)), ("u", "<f4", (axes,)),
@@ -77,14 +77,16 @@ class Processor:
             self.close()
             raise
 
-    def step(self, y: ArrayLike, r: ArrayLike, *, fly: bool, speed: float = 0.0) -> np.void:
-        """Process one sample, and return the answer."""
+    def step(
+        self, y: ArrayLike, r: ArrayLike, *, fly: bool, speed: float = 0.0, failed: bool = False
+    ) -> np.void:
+        """Process one sample, before which the power may have failed, and return the answer."""
         # Instructions are counted every so many samples, and after changes of mode or status. y
         # (sensors,); r (axes,) [m]
         last = self._answers[-2:]
         new = len(last) == 2 and any(last[0][name] != last[1][name] for name in ("mode", "status"))
         counted = new or len(self._answers) % OFTEN == 0
-        self._send(y, r, speed, fly, counted)
+        self._send(y, r, speed, fly, failed, counted)
         self._answers.append(self._take(self.answer))
         return self._answers[-1]
 
@@ -96,7 +98,7 @@ class Processor:
     def close(self) -> None:
         """End it."""
         if self._process.poll() is None:
-            self._send(0.0, 0.0, 0.0, False, _END)
+            self._send(0.0, 0.0, 0.0, False, False, _END)
             try:
                 self._process.wait(5)
             except subprocess.TimeoutExpired:
@@ -114,9 +116,9 @@ class Processor:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _send(self, y: ArrayLike, r: ArrayLike, speed: float, fly: bool, counted: int) -> None:
+    def _send(self, *values: Any) -> None:
         frame = np.zeros((), self.sample)
-        for name, value in zip(self.sample.names or (), (y, r, speed, fly, counted), strict=True):
+        for name, value in zip(self.sample.names or (), values, strict=True):
             frame[name] = value
         os.write(self._pipes[0], frame.tobytes())
 
@@ -158,8 +160,6 @@ def pil(
     plant, several = machine, not machine.single
     base_scenario = scenario or Scenario(duration=1.0)
     of_type(Scenario, scenario=base_scenario)
-    if base_scenario.off is not None:
-        raise AmbkitError("off: the exported controller has no input for a power failure; omit it")
     sequence = base_scenario.sequence or LiftOff()
     lift_scenario = base_scenario.model_copy(update={"start": "landed", "sequence": sequence})
     with tempfile.TemporaryDirectory() as place:
@@ -177,15 +177,17 @@ def pil(
         measurement = np.column_stack([record[signal("y", r.name)] for r in plant.readings])
         y = filter.inputs.y.numbers(measurement)
         r = np.column_stack([record[signal("r", name)] for name in run.axes])
-        flies, speed = sequence.fly(record.t), record.signals.get("speed", np.zeros(len(y)))
+        speed = record.signals.get("speed", np.zeros(len(y)))
+        on = energised(lift_scenario, record.t, machine.sampling_time)
+        flies, failed = fly_command(sequence, record.t, on), np.r_[False, on[:-1] <= 0]
         (folder / "pipes").mkdir()
         sizes = y.shape[1], r.shape[1], len(fields)
         with Processor(image, folder / "pipes", *sizes) as processor:
             for k in range(len(y)):
-                processor.step(y[k], r[k], fly=flies[k] > 0, speed=speed[k])
+                processor.step(y[k], r[k], fly=flies[k] > 0, speed=speed[k], failed=failed[k])
             greeting, answers = processor.greeting, processor.answers
         frames = read_telemetry(folder / "pipes" / "frames", export / "telemetry.json")
-    others = _others(answers, _expected(run, filter, lift_scenario, y, r, flies), run)
+    others = _others(answers, _expected(run, filter, lift_scenario, y, r, flies, on), run)
     s = np.column_stack([record[run.displacement(name)] for name in run.axes])
     travel = np.array([axis.bearing.clearance for axis in plant.axes])
     names = [state.name for state in filter.states]
@@ -199,14 +201,14 @@ def pil(
 
 def _expected(
     run: Run, filter: Estimator, scenario: Scenario, y: Array,
-    r: Array, flies: Array,
+    r: Array, flies: Array, on: Array,
 ) -> Expected:  # fmt: skip
     """Return the expected answers: as simulated, or along a rig's rounded numbers."""
     record = run.record
     if filter.inputs.y.gain != 1 or filter.inputs.y.zero:  # of one axis
         controller = controller_of(filter, scenario)
         rounded = y[:, 0].astype("f4").astype(float)
-        return controller.run(rounded, r[:, 0], flies)
+        return controller.run(rounded, r[:, 0], flies, energised=on)
     assert run.estimate is not None
     assert run.usable is not None
     u = np.column_stack([record[signal("u", name)] for name in run.axes])

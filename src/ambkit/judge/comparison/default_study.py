@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -44,7 +45,7 @@ class DefaultScore:
     errors: Mapping[str, float]  #: Of each kind with its defaults [m]; infinite where it is lost.
     tuned: Mapping[str, float]  #: Of each kind tuned as the naive filter is [m].
     #: Share of samples within the 95 % bound of the NEES, NaN without covariance. A kind that
-    #: assumes a tolerance of the magnet constant is judged on plants drawn from it.
+    #: assumes an uncertain magnet constant is judged on plants drawn with the same variance.
     nees: Mapping[str, float]
 
     def row(self, kind: str = DEFAULT) -> str:
@@ -67,9 +68,12 @@ def score_defaults(
     """Fly runs of a machine, tune the naive filter on as many others, and judge all by truth."""
     made = _untouched(machine, 0.0, runs + max(runs, CONSISTENCY_RUNS), 2 * runs, seed)
     training, judged = made[:runs], made[runs : 2 * runs]
+    magnets = {kind: learned_magnet(kind, machine) for kind in kinds}
+    defaults = {kind: KINDS[kind].make(machine, magnets[kind]) for kind in kinds}
     sampled = {0.0: made[runs:]}
-    for tolerance in {KINDS[kind].magnet_tolerance for kind in kinds} - {0.0}:
-        sampled[tolerance] = _untouched(machine, tolerance, CONSISTENCY_RUNS, runs, seed)
+    for std in {filter.scale_std for filter in defaults.values()} - {0.0}:
+        tolerance = math.sqrt(3) * std  # half the width of a uniform distribution
+        sampled[std] = _untouched(machine, tolerance, CONSISTENCY_RUNS, runs, seed)
     settling = SETTLING * max(map(own_time, isolated_axes(machine)))
     first = max(1, round(settling / machine.sampling_time))
 
@@ -80,16 +84,14 @@ def score_defaults(
         decade = _least(lambda decade: error(lambda: build(decade), training))
         return error(lambda: build(decade), judged)
 
-    def consistency(kind: str, filter: Any) -> float:
-        records = [trial.record for trial in sampled[KINDS[kind].magnet_tolerance]]
+    def consistency(filter: Any) -> float:
+        records = [trial.record for trial in sampled[filter.scale_std]]
         estimates = (filter.run(record, covariance=True) for record in records)
         shares = map(partial(nees, first=first, view=View(machine)), estimates, records)
         return float(np.mean(list(shares)))
 
     naive, usual = KINDS["constant-velocity"], usual_acceleration(machine)
     load = np.atleast_1d(KalmanFilter(machine).variances.disturbance)
-    magnets = {kind: learned_magnet(kind, machine) for kind in kinds}
-    defaults = {kind: KINDS[kind].make(machine, magnets[kind]) for kind in kinds}
 
     def scaled(kind: str) -> Callable[[float], Any]:
         return lambda decade: KINDS[kind].make(
@@ -101,7 +103,7 @@ def score_defaults(
         best(lambda decade: naive.make(machine, acceleration=usual * 10**decade)),
         {kind: error(partial(KINDS[kind].make, machine, magnets[kind]), judged) for kind in kinds},
         {kind: best(scaled(kind)) for kind in tune},
-        {kind: consistency(kind, made) for kind, made in defaults.items()},
+        {kind: consistency(filter) for kind, filter in defaults.items()},
     )
 
 

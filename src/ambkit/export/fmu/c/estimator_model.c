@@ -30,6 +30,19 @@ amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
   return AMB_OK;
 }
 
+#ifdef AMB_DATA_DEENERGISES
+static bool energised(const double value[AMB_VARIABLES])
+{
+  return value[VR_energised] >= 0.5;
+}
+#else
+static bool energised(const double value[AMB_VARIABLES])
+{
+  (void)value;
+  return true;
+}
+#endif
+
 /* The first sample has no time update. */
 void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
 {
@@ -42,6 +55,8 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
   for (int c = 0; c < AMB_CONTROLS; c++)
     model->last_u[c] = (amb_real)value[FIRST_u + c];
   model->sampled = true;
+  if (!energised(value)) /* in the next time update */
+    amb_deenergise(&estimator, &model->state);
 }
 
 /* It reads its inputs at the start of a sample only. */

@@ -19,6 +19,7 @@
 #define controller_output rig_command
 #define controller_init rig_control_init
 #define controller_step rig_control_step
+#define controller_deenergise rig_control_deenergise
 #define PARAMETERS                                                                                 \
   rig_control_state *state, const amb_real y[SENSORS], const amb_real r[AXES], amb_real speed,     \
       bool fly, rig_command *out
@@ -29,6 +30,7 @@
 #define controller_output rig_output
 #define controller_init rig_init
 #define controller_step rig_step
+#define controller_deenergise rig_deenergise
 #define PARAMETERS rig_state *state, amb_real y, amb_real r, bool fly, rig_output *out
 #define ARGUMENTS(state, s, out) (state), (s)->y[0], (s)->r[0], ((s)->fly != 0U), (out)
 #define ESTIMATES(out) (out)

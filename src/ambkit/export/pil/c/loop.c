@@ -87,6 +87,8 @@ static bool fly(intptr_t from, intptr_t to, intptr_t file)
   while (semihosting_take(from, &s, sizeof s) && (s.counted < 2U)) {
     static answer reply;
     static controller_output out;
+    if (s.failed != 0U)
+      controller_deenergise(&state);
     reply.instructions = 0;
     reply.stack = 0;
     if (s.counted == 1U)
