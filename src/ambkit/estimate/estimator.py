@@ -88,7 +88,7 @@ class Estimator(AlongRecords, Described, Copyable):
     several_axes = True  # whether it supports several axes
     by_model = True  # whether it predicts by the machine's model
     predicts = "force held, all else exact"  # description of its prediction for the export's README
-    scale_std = 0.0  # standard deviation of the magnet constant in its covariance [1]
+    scale_std = 0.0  # assumed standard deviation of the magnet constant [1]
     can_smooth = False  # whether mean and covariance follow the smoother's model
     #: Basis of its steady-state gain: a Riccati equation with the stiffnesses through the origin,
     #: or with the tangents; or the gain is constant. None: there is no steady state.

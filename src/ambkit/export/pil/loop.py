@@ -179,15 +179,15 @@ def pil(
         r = np.column_stack([record[signal("r", name)] for name in run.axes])
         speed = record.signals.get("speed", np.zeros(len(y)))
         on = energised(lift_scenario, record.t, machine.sampling_time)
-        flies, failed = fly_command(sequence, record.t, on), np.r_[False, on[:-1] <= 0]
+        fly, failed = fly_command(sequence, record.t, on), np.r_[False, on[:-1] <= 0]
         (folder / "pipes").mkdir()
         sizes = y.shape[1], r.shape[1], len(fields)
         with Processor(image, folder / "pipes", *sizes) as processor:
             for k in range(len(y)):
-                processor.step(y[k], r[k], fly=flies[k] > 0, speed=speed[k], failed=failed[k])
+                processor.step(y[k], r[k], fly=fly[k] > 0, speed=speed[k], failed=failed[k])
             greeting, answers = processor.greeting, processor.answers
         frames = read_telemetry(folder / "pipes" / "frames", export / "telemetry.json")
-    others = _others(answers, _expected(run, filter, lift_scenario, y, r, flies, on), run)
+    others = _others(answers, _expected(run, filter, lift_scenario, y, r, fly, on), run)
     s = np.column_stack([record[run.displacement(name)] for name in run.axes])
     travel = np.array([axis.bearing.clearance for axis in plant.axes])
     names = [state.name for state in filter.states]
@@ -201,14 +201,14 @@ def pil(
 
 def _expected(
     run: Run, filter: Estimator, scenario: Scenario, y: Array,
-    r: Array, flies: Array, on: Array,
+    r: Array, fly: Array, on: Array,
 ) -> Expected:  # fmt: skip
     """Return the expected answers: as simulated, or along a rig's rounded numbers."""
     record = run.record
     if filter.inputs.y.gain != 1 or filter.inputs.y.zero:  # of one axis
         controller = controller_of(filter, scenario)
         rounded = y[:, 0].astype("f4").astype(float)
-        return controller.run(rounded, r[:, 0], flies, energised=on)
+        return controller.run(rounded, r[:, 0], fly, energised=on)
     assert run.estimate is not None
     assert run.usable is not None
     u = np.column_stack([record[signal("u", name)] for name in run.axes])
