@@ -93,7 +93,7 @@ def vectors(controller: Controller, scenario: Scenario) -> Vectors:
             exported=fast_sequence(controller),
         )  # fmt: skip
         run = simulate_run(
-            machine, case.flight, estimator=filter,
+            machine, case.scenario, estimator=filter,
             controllers=controller.law, external_inputs=external_inputs,
         )  # fmt: skip
         record, names = run.record, [axis.name for axis in machine.axes]
@@ -104,7 +104,7 @@ def vectors(controller: Controller, scenario: Scenario) -> Vectors:
         mode = record["mode"].astype(np.uint8)
         fly = case.fly > 0
         speed = record["speed" if machine.angle is None else machine.angle.channel[0]]
-        on = energised(case.flight, record.t, machine.sampling_time) > 0
+        on = energised(case.scenario, record.t, machine.sampling_time) > 0
         part = (y, r, u, speed, mode, fly, on, run.status, run.usable, run.estimate.mean)
         part = _as_read(controller, part)
         parts.append((*part, _snapshots(controller, part, None, turns=turns)))
@@ -217,7 +217,7 @@ def _transferred(
 class TestCase(NamedTuple):
     """One flight of the self-test, n samples."""
 
-    flight: Scenario
+    scenario: Scenario
     readings: Array  # (n, readings): what is added to them [m]; NaN: lost
     references: Array  # (n, axes): what is added to the references [m]; NaN: none
     fly: Array  # (n,): whether it is told to fly, 1 or 0

@@ -46,17 +46,17 @@ static bool energised(const double value[AMB_VARIABLES])
 /* The first sample has no time update. */
 void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
 {
-  const amb_estimator estimator = amb_filter_estimator(&model->filter);
+  const amb_estimator filter = amb_filter_estimator(&model->filter);
   amb_real y[AMB_SENSORS];
   read(value, y);
-  (void)amb_estimator_step(&estimator, &model->state, y, model->sampled ? model->last_u : NULL,
+  (void)amb_estimator_step(&filter, &model->state, y, model->sampled ? model->last_u : NULL,
                            &model->result);
   amb_filter_carry(&model->filter, &model->state, &model->result, !model->sampled, model->bias);
   for (int c = 0; c < AMB_CONTROLS; c++)
     model->last_u[c] = (amb_real)value[FIRST_u + c];
   model->sampled = true;
   if (!energised(value)) /* in the next time update */
-    amb_deenergise(&estimator, &model->state);
+    amb_deenergise(&filter, &model->state);
 }
 
 /* It reads its inputs at the start of a sample only. */
