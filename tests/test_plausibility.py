@@ -241,3 +241,34 @@ def test_check_tells_the_faults_of_a_record_without_a_bearing_too(tmp_path):
     assert found.ok
     (remark,) = found.remarks
     assert remark.startswith("y: 200 samples from 0.1 s to 0.1199 s: stands still at")
+
+
+SOFT = """
+name = "soft"
+sampling_time = "0.1 ms"
+delay = "0.25 ms"
+rotor = {mass = "8.5 kg", gravity = "-x", clearance = "0.2 mm"}
+amplifier = {gain = "0.6 A/V", current_limit = "2 A", noise_variance = "2e-5 V^2"}
+sensor = {gain = 1, lag = "0.08 ms", noise_variance = "0.16 µm^2", quantisation = "1.5 µm"}
+stop = {stiffness = "3e9 N/m^1.5", damping = "0.2 s/m"}
+[magnet]
+type = "two-sided"
+turns = 150
+pole_area = "900 mm^2"
+air_gap = "0.5 mm"
+bias_current = "2 A"
+"""
+
+
+def test_contact_with_a_soft_stop_is_no_delay_and_coarse_steps_are_no_smoothing(tmp_path):
+    """The stop yields by a third of the clearance here, and steps of the sensor hide its noise."""
+    (tmp_path / "soft.toml").write_text(SOFT, encoding="utf-8")
+    machine = ambkit.load(tmp_path / "soft.toml")
+    pushed = ambkit.Sequence(times=(0.0, 0.1, 0.3), values=(0.0, 420.0, 0.0))
+    for scenario in (
+        ambkit.Scenario(duration=0.5, seed=11, disturbance=pushed),
+        ambkit.Scenario(duration=0.6, seed=6, off=0.15, on=0.3),
+    ):
+        remarks = evaluate_record(ambkit.simulate(machine, scenario).record, machine).remarks
+        assert any("beyond clearance" in text for text in remarks)
+        assert not [text for text in remarks if "delay" in text or "smoothed" in text]

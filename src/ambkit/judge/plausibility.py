@@ -166,7 +166,8 @@ def _position(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
     rough, expected = noise(record["y"]), math.sqrt(machine.sensor.noise_variance + step**2 / 12)
     if rough < NO_NOISE * float(y.std()):
         rough = 0.0  # error of the rounding
-    if expected > 0 and not 0.2 < rough / expected < 5:
+    resolved = rough > 0 or not (step and in_steps(y))  # steps can hide the noise
+    if expected > 0 and resolved and not 0.2 < rough / expected < 5:
         less = "was y smoothed before it was logged, which a filter does better itself?"
         why = less if rough < expected else "is a unit or scale wrong, or the sensor disturbed?"
         yield (
@@ -313,7 +314,7 @@ def _at_stop(record: Record, machine: Machine, side: int) -> NDArray[np.bool_]:
     near = max(_NEAR * noise(y) / gain, _AT_STOP * travel)
     if near > 0.5 * travel:
         return np.zeros(y.size, bool)
-    result: NDArray[np.bool_] = np.abs(side * y / gain - travel) < near
+    result: NDArray[np.bool_] = side * y / gain > travel - near  # a soft stop yields
     return result
 
 
