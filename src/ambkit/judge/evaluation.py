@@ -293,8 +293,12 @@ def filter_figure(
 
     late = {n: None for item in estimates for n in item.states_with_role("current")}
     currents = [
-        Panel(time, CURRENT, [*true(f"iu{name.removeprefix('i')}"), *estimated(name), *absent],
-              title=f"Current {label(name)}" if len(late) > 1 else "")
+        Panel(
+            time,
+            CURRENT,
+            [*true(f"iu{name.removeprefix('i')}"), *estimated(name), *absent],
+            title=f"Current {label(name)}" if len(late) > 1 else "",
+        )
         for name in late
     ]
     coloured = [] if any(estimates[0].readings) else lines(lambda entry: entry.sensor_noise)
