@@ -384,9 +384,12 @@ def test_instruments_heads_are_read(tmp_path, head):
     ("t,x_est,x_meas,u", "t y xe u", 3000, "y and x_logged: x_meas or x_est"),
     ("t,i_ref,i_meas,pos", "t i u y", 3000, "u and current: i_ref or i_meas"),
     ("t,pos,i_ref,i_meas", "t y u i", 3000, ""),
+    ("t,y,i_cmd,F", "t y u force", 3000, "u: F or i_cmd"),
+    ("t,temperature,position", "t y u", 3000, "y: position: named so"),
 ])  # fmt: skip
 def test_ambiguity_is_said(tmp_path, head, marks, size, line):
     rig = of_a_rig(size)
+    rig["force"] = np.round(40 * rig["i"], 2)
     rows = np.column_stack([rig[mark] for mark in marks.split()])
     np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header=head)
     said = [text for text in guess(tmp_path / "log.csv").splitlines() if text.startswith("# ?")]
@@ -447,6 +450,9 @@ def test_names_in_national_encodings_are_read(tmp_path, codec, header):
     ("t,Sensor A,Sensor B,u", "t twin y u", {"y": "Sensor A"}),
     ("t,a [m],b [m],u", "t steps y u", {"y": "b"}),
     ("t_log,t_ctrl,y,u", "jumps t y u", {"t": "t_ctrl"}),
+    ("t,y_cmd,y_meas,u", "t y r u", {"y": "y_cmd", "r": "y_meas"}),
+    ("t,y,u1,u2", "t y u i", {"u": "u1", "current": "u2"}),
+    ("t,x_1,x_2,Row,cmd_1,cmd_2", "t y T count u n", {"y": "x_1", "u": "cmd_1"}),
 ])  # fmt: skip
 def test_a_name_that_the_motion_contradicts_is_none(tmp_path, head, marks, wanted):
     rig = of_a_rig()
@@ -456,7 +462,8 @@ def test_a_name_that_the_motion_contradicts_is_none(tmp_path, head, marks, wante
         "twin": np.round(rig["xe"] + 0.7 * np.std(np.diff(rig["y"])) * rng.normal(size=t.size), 8),
         "steps": 1e-5 * (t > t.mean()),
         "jumps": np.where(t > t.mean(), t + 0.05, t),
-    }
+        "count": np.arange(t.size),
+    }  # fmt: skip
     rows = np.column_stack([rig[mark] for mark in marks.split()])
     np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header=head)
     usual = {"t": "t", "y": "y", "u": "u"}
@@ -475,6 +482,18 @@ def test_a_rate_above_the_numbers_is_read(tmp_path, line, step):
     assert ("\nsampling_time" in text) == (step is not None)
     if step is not None:
         assert ChannelMap.from_toml(text).sampling_time == pytest.approx(step)
+
+
+@pytest.mark.parametrize(("label", "unit", "scale"), [
+    ("pos (0.1um)", "um", 0.1), ("pos_0p1um", "um", 0.1), ("pos [?m]", "µm", 1), ("pos", "µm", 1),
+    ("pos (A0)", "µm", 1),
+])  # fmt: skip
+def test_units_of_fieldbuses_and_damaged_ones_are_read(tmp_path, label, unit, scale):
+    rig = of_a_rig(400)  # without a unit the size of the noise says it
+    rows = np.column_stack([rig["t"], 1e6 * rig["y"], rig["u"]])
+    np.savetxt(tmp_path / "log.dat", rows, "%.9g", ",", comments="", header=f"t,{label},u")
+    y = ChannelMap.from_toml(guess(tmp_path / "log.dat")).signals["y"]
+    assert (y.unit, y.scale) == (unit, scale)
 
 
 def test_a_refusal_says_what_hides_the_motion(tmp_path):

@@ -246,7 +246,7 @@ def _are_units(row: Sequence[str]) -> bool:
     """Return whether all cells of a row are units, and at least one is not empty."""
     from ambkit.data.signals import si_unit
 
-    bare = [_bare(cell) for cell in row]
+    bare = [_bare(cell.lstrip("0123456789., ")) for cell in row]  # 100 ns, of a fieldbus
     for unit in {*filter(None, bare)} - _OTHER_UNITS:
         try:
             si_unit(unit)

@@ -105,6 +105,10 @@ def _national(content: bytes) -> tuple[str, str]:
         with suppress(UnicodeDecodeError):
             if not re.search(r"[A-Za-z][^\x00-\x7f][a-z]|[\ue000-\uf8ff]", content.decode(codec)):
                 return codec, name
+    if re.search(rb"[\x80-\x9f]", content):  # no letters of Latin-1
+        with suppress(UnicodeDecodeError):
+            content.decode("cp1252")
+            return "cp1252", "Windows-1252"
     return "latin-1", "Latin-1"
 
 

@@ -22,6 +22,8 @@ _READERS = {
     ".txt": "csv_text",
     ".tsv": "csv_text",
     ".asc": "csv_text",
+    ".dat": "csv_text",
+    ".lvm": "csv_text",
     ".parquet": "parquet",
     ".mat": "mat",
     ".h5": "hdf5",

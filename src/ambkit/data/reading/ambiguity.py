@@ -12,6 +12,7 @@ from ambkit.data.reading.comparison import (
     amplifies,
     answers,
     goes_with,
+    is_control,
     leads,
 )
 from ambkit.data.reading.position_search import Rotor
@@ -34,6 +35,9 @@ def ambiguities(
     alike = [c for c in channels if c.values.shape == y.values.shape and c is not y]
     for c, why in _readings(y, alike):
         yield "y and x_logged" if c is chosen.get("x_logged") else "y", (y, c), why
+    if u is None and moves is None:
+        sources = [c for c in alike if is_control(y, c)]
+        yield "y", (y, *sources), "named so, but no motion confirms it"
     if u is None or u.values.shape != y.values.shape:
         return
     rest = [c for c in alike if c not in chosen.values()]

@@ -38,6 +38,7 @@ class Candidate:
     turned: bool = False  #: Whether it counts the other way.
     weak: bool = False  #: Whether no more than a letter of its name says its role.
     drives: bool = False  #: Whether it is the duty or voltage of a power stage.
+    scale: str = "1"  #: Of its unit: 100 of a time in 100 ns.
 
 
 def candidates(log: Log) -> list[list[Candidate]]:
@@ -88,31 +89,27 @@ def _stamps(log: Log, key: str) -> Iterator[Candidate]:
         yield Candidate(name, where, moments.seconds, "s", role="t", why=why)
 
 
-_UNITS = r"[µuμn]m|mm/s|mps|m/s|mils?|mm|m|ms|[µuμ]s|ns|s|mA|A|mV|V|%|rpm|мкм|мм|м|мкс|мс|с|А|мА|В"
+_UNITS = (
+    r"[mµuμn]?m[/_]s|mps|(?:\d+(?:[.,p]\d+)? ?)?(?:[mµuμn]?m|[mµuμn]?s|mils?)|"
+    r"mA|A|mV|V|%|rpm|мкм|мм|м|мкс|мс|с|А|мА|В"
+)
 _UNIT_AT_END = re.compile(
     rf"(?P<name>.*?)(?:(?P<sign> in |, ?| */ ?|_+|_in_|\.| +|(?<=[\u3000-\u9fff]))"
-    rf"(?P<unit>{_UNITS}|m?m_s)"
+    rf"(?P<unit>{_UNITS})"
     r"|(?<=[A-Z\d])[ _](?P<capitals>MILS?|UM|MM|MS|US))"
 )
 LENGTH_AT_END = re.compile(r"[ _/](?:[µunm]m|mils?)$")
 _UNIT_IN_BRACKETS = re.compile(rf"(.*?) ?[\[(] ?({_UNITS}) ?[\])](.*)")
-_IN_WORDS = {
-    "mps": "m/s",
-    "mm_s": "mm/s",
-    "m_s": "m/s",
-    "amps": "A",
-    "amp": "A",
-    "amperes": "A",
-    "volts": "V",
-    "s": "s",
-}
-_TIMES = {"ms": "ms", "millis": "ms", "us": "us", "micros": "us", "ns": "ns"}  #: As a name.
+_SEVERAL = re.compile(r"(\d+)(?:[.,p](\d+))? ?(\D+)")  #: Of a fieldbus: 100ns, 0.1um, 0p1um.
+_IN_WORDS = {"mps": "m/s", "amps": "A", "amp": "A", "amperes": "A", "volts": "V", "s": "s"}
+_AS_NAMES = {"ms": "ms", "millis": "ms", "us": "us", "micros": "us", "ns": "ns", "ma": "mA"}
 _OF_LETTERS = {"m": "yr", "s": "t", "A": "ui", "V": "u"}  #: Roles that have these units.
 _CYRILLIC = str.maketrans("мксАВ", "mµsAV")
 _ROLES = {"s": "t", "m": "y", "m/s": "v", "A": "i", "V": "u"}
 _USUAL = {"t": "s", "k": "V", "r": "m", "y": "m", "v": "m/s", "i": "A", "u": "V"}
 _ALSO = {
     ("u", "A"),
+    ("u", "1"),
     ("y", "V"),
     ("r", "V"),
     ("k", "1"),
@@ -170,17 +167,21 @@ def _without_unit(candidate: Candidate, in_amperes: bool) -> str:
         ):  # fmt: skip
             return label
     elif not unit:
-        unit = _TIMES.get(label.lower(), "")
+        unit = _AS_NAMES.get(label.lower(), "")
     if unit and not candidate.unit:
         candidate.why.append("unit from its name")
-    unit = unit.translate(_CYRILLIC).replace("mµ", "µ")
+    unit = unit.translate(_CYRILLIC).replace("mµ", "µ").replace("_", "/")
+    unit = re.sub(r"^[?\ufffd](?=[ms]$)", "µ", unit)  # a damaged micro sign
     candidate.unit = _IN_WORDS.get(unit.lower(), unit)
     return name
 
 
 def _known_unit(candidate: Candidate) -> str:
     """Return the SI unit of a channel's unit; forget a unit that is not known."""
-    for unit in dict.fromkeys((candidate.unit, candidate.unit.lower())):
+    if several := _SEVERAL.fullmatch(candidate.unit):
+        candidate.unit, candidate.scale = several[3], f"{several[1]}.{several[2] or 0}"
+    lower = candidate.unit if re.search(r"\d", candidate.unit) else candidate.unit.lower()
+    for unit in dict.fromkeys((candidate.unit, lower)):  # A0 is a pin, a0 a length
         try:
             measured = si_unit(unit) if unit else ""
         except ValueError:
@@ -190,6 +191,15 @@ def _known_unit(candidate: Candidate) -> str:
     candidate.why.append(f'its unit "{candidate.unit}" is not known')
     candidate.unit = ""
     return ""
+
+
+def forget_unit(candidate: Candidate) -> None:
+    """Forget a unit that the role of a channel cannot have."""
+    role, measured = candidate.role, si_unit(candidate.unit) if candidate.unit else ""
+    usual = si_unit(_USUAL.get(role, candidate.unit))
+    if measured and measured != usual and (role, measured) not in _ALSO:
+        candidate.why.append(f'"{candidate.unit}" is none of its units')
+        candidate.unit = ""
 
 
 def _own_part(label: str) -> str:

@@ -105,13 +105,14 @@ class _Map:
         yield from _where(self.t, self.array)
         why = "" if self.t.unit else "  # guessed from its size and steps"
         yield f"unit = {toml_string(unit)}{why}"
+        yield from () if self.t.scale == "1" else (f"scale = {self.t.scale}",)
         if self.t.turned:
             yield "sign = -1  # it falls"
 
     def _unit_of_time(self, t: Candidate) -> tuple[str, float]:
         """Return in what a time counts, by its name, or as is likely, and that in seconds."""
         unit = t.unit or _likely_unit_of_time(self.log, t)
-        return unit, factor(unit, "s") if si_unit(unit) == "s" else 1.0
+        return unit, float(t.scale) * factor(unit, "s")
 
     def _step(self) -> float:
         """Return the usual time between two samples [s]; 0 without a time."""
@@ -194,6 +195,7 @@ class _Map:
             if same is y and weight is not None:
                 unit, comment = weight.unit, "  # by the weight of the rotor"
         yield f"unit = {toml_string(unit)}{comment}"
+        yield from () if candidate.scale == "1" else (f"scale = {candidate.scale}",)
         of_current = role == "u" and si_unit(unit) == "A"
         if of_current:
             why = "the current stands for the control signal: amplifier gain 1 A/V"
@@ -300,7 +302,8 @@ def _likely_unit_of_time(log: Log, candidate: Candidate) -> str:
         if 5e8 < first / scale < 4.2e9:  # from 1985 to 2103
             return unit
     step = float(np.median(np.diff(times))) if times.size > 1 else 0.0
-    return "s" if step < 0.1 else "ms" if step < 50 else "µs" if step < 2e4 else "ns"
+    # A machine is sampled at 50 Hz to 50 kHz.
+    return "s" if step < 0.02 else "ms" if step < 20 else "µs" if step < 2e4 else "ns"
 
 
 def _rate(times: Array) -> str:
@@ -329,7 +332,9 @@ def _likely_unit(candidate: Candidate) -> str:
     size = float(np.percentile(np.abs(seen(candidate.values)), 90))
     match candidate.role:
         case "y" | "r":
-            return "m" if size < 0.05 else "mm" if size < 50 else "µm"
+            # A sensor of millimetres has less noise than 40 µm.
+            hiss = noise(candidate.values)
+            return "m" if size < 0.05 else "mm" if size < 50 and hiss < 0.04 else "µm"
         case "v":
             return "m/s" if size < 5 else "mm/s"
         case "i":

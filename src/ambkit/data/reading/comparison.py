@@ -21,7 +21,6 @@ from ambkit.data.reading.position_search import RELATED
 GOES_WITH = 0.3  #: Correlation that a name needs.
 FOLLOWS = 0.7  #: Correlation that speaks without a name.
 SETTLES = 2.0  #: Slope, over 1, of a position on a stepped reference.
-ONE_SIZE = 5.0  #: Ratio of their sizes within which two axes of an orbit are.
 RAWER = 0.8  #: Noise of an estimate over that of its original, at most.
 CLEAN = 0.1  #: The same of a reference, at their sizes.
 SMOOTH = 1e-4  #: Noise of a reference over its size, at most.
@@ -63,7 +62,8 @@ class Beside:
         if abs(self.likeness) < RELATED:  # the position settles on each level of a stepped one
             settles = 1 / SETTLES < self.likeness / self.scale < SETTLES
             return self.is_few and abs(self.likeness) > GOES_WITH and settles
-        return self.is_few or (self.noise < CLEAN * self.scale and self.rough < SMOOTH)
+        smooth = self.rough < SMOOTH or not self.is_near  # an estimate lies within the noise
+        return self.is_few or (self.noise < CLEAN * self.scale and smooth)
 
     @property
     def is_estimate(self) -> bool:
@@ -74,11 +74,6 @@ class Beside:
     def is_rate(self) -> bool:
         """Whether it goes as the rate; a current damps the motion and goes against it."""
         return abs(self.likeness) < RELATED and self.rate > FOLLOWS
-
-    @property
-    def in_one_unit(self) -> bool:
-        """Whether both may be axes of an orbit, of which each goes as the rate of the other."""
-        return 1 / ONE_SIZE < self.scale < ONE_SIZE
 
 
 def rate_likeness(c: Candidate, y: Candidate) -> float:
@@ -109,8 +104,10 @@ def answers(y: Candidate, u: Candidate, lags: int = LAGS) -> float:
     noise_of_y, rest = (np.diff(interpolated(c.values[:LOOKED_AT]), 2) for c in (y, u))
     lagged = sliding_window_view(noise_of_y, lags)
     rest = rest[lags - 1 :]
+    if not rest.any():  # a counter
+        return 0.0
     left = rest - lagged @ np.linalg.lstsq(lagged, rest, rcond=None)[0]
-    return 1 - float(left @ left) / max(float(rest @ rest), 1e-300)
+    return 1 - float(left @ left) / float(rest @ rest)
 
 
 def is_control(u: Candidate, y: Candidate) -> bool:

@@ -44,7 +44,7 @@ def find_rotor(results: list[Candidate]) -> Rotor | None:
         moves = rotor(rows, places.get(y), measured)
     if moves is None and (y is not None or control is not None):
         # A "command" may be the reference's.
-        roles = tuple("yuirv") if y is not None else tuple("yuirv-")
+        roles = tuple("yuirv-")
         others = (c for c in results if c.role in roles and not c.estimated)
         channels += [
             c for c in others if c.values.shape == compared[0].values.shape and c not in places
@@ -84,6 +84,7 @@ def _rename(
         if named is not None and named is not right:
             named.role = ""
             named.why[-1] = f"named like {what}, but {moved}"
+            right.rivals.append((named, "the other is named so, but does not move so"))
     for channel, roles in ((position, "y"), (mover, "ui")):
         if channel.role and channel.role not in roles:
             channel.why[-1] = "its name says otherwise"
@@ -123,19 +124,17 @@ def _name_rotor(moves: Rotor, channels: Sequence[Candidate]) -> None:
         (moves.positions, position, "y"), (moves.controls, mover, mover.role),
     ):  # fmt: skip
         for estimate in [channels[k] for k in rows_of]:
-            referred = role == "y" and Beside.of(estimate, first).is_reference
+            beside = Beside.of(estimate, first)
+            is_estimate = beside.is_near and not beside.is_reference
             is_led = leads(first, estimate) or leads(estimate, first)
             apart = estimate.unit != first.unit or (is_led and in_steps(estimate.values))
-            if estimate.role or referred or (role != "y" and apart):
+            if role == "y" and not (is_estimate and is_filter_of(estimate, first)):
+                continue
+            if estimate.role or (role != "y" and apart):
                 continue
             estimate.role, estimate.estimated = role, True
             rawer = "less in steps" if in_steps(first.values) else "with less noise"
             estimate.why.append(f"moves as {first.label}, {rawer}: an estimate of it")
-            if role == "y" and not (
-                Beside.of(estimate, first).is_near and is_filter_of(estimate, first)
-            ):
-                why = "it moves likewise, but in another unit, or with noise of its own"
-                estimate.rivals.append((first, why))
     for a, b in moves.others:
         for k, other in ((a, b), (b, a)):
             label = channels[other].label

@@ -15,7 +15,14 @@ from itertools import permutations, takewhile
 import numpy as np
 
 from ambkit.base.arrays import Array
-from ambkit.data.reading.candidates import BY_UNIT, LENGTH_AT_END, TEXT, Candidate, role_from_name
+from ambkit.data.reading.candidates import (
+    BY_UNIT,
+    LENGTH_AT_END,
+    TEXT,
+    Candidate,
+    forget_unit,
+    role_from_name,
+)  # fmt: skip
 from ambkit.data.reading.channel_statistics import COMPARED, correlation, is_few, seen, slow
 from ambkit.data.reading.comparison import (
     FOLLOWS,
@@ -58,11 +65,13 @@ def find_roles(results: list[Candidate]) -> Rotor | None:
         for candidate in results:
             _beside(candidate, y)
     _find_marks(results)
+    for c in results:
+        forget_unit(c)
     return moves
 
 
 def _read_names(results: Sequence[Candidate]) -> None:
-    """Take the roles that names and units say; a constant has none."""
+    """Take the roles that names and units say."""
     in_amperes = any(LENGTH_AT_END.search(c.label) for c in results)
     numbered = len(results) > 2 and len({re.sub(r"\d+", "", c.label) for c in results}) == 1
     for c in results:
@@ -72,9 +81,6 @@ def _read_names(results: Sequence[Candidate]) -> None:
         if c.role == "k":
             c.why.append(marks(c, LARGEST) or "without marks of a turn")
             c.role = "k" if c.why[-1][0] == "t" else "-"
-        if not c.role and np.ptp(seen(c.values)) == 0:
-            c.why.append(f"is {c.values[0]:g} all the time")
-            c.role = "-"
 
 
 def named(results: Sequence[Candidate], roles: str) -> list[Candidate]:
@@ -88,21 +94,20 @@ def position_of(results: Sequence[Candidate]) -> Candidate | None:
 
 
 def _sort_positions(results: Sequence[Candidate]) -> None:
-    """Of channels that are named positions, find the estimates and the rates of others."""
-    places = named(results, "y")[:COMPARED]
-    for c in [c for c in places if c.why[-1] == BY_UNIT and is_few(c.values)][: len(places) - 1]:
-        c.role = ""  # a reference in metres
-    for c, y in permutations(places, 2):
-        if c.values.shape != y.values.shape or {c.role, y.role} != {"y"}:
+    """Of channels that are named positions, find the estimates and the references of others."""
+    for c, y in permutations(named(results, "yr")[:COMPARED], 2):
+        if c.values.shape != y.values.shape or c.role != "y" or is_few(y.values):
             continue
         beside = Beside.of(c, y)
-        if beside.is_near and beside.noise < RAWER:
+        if beside.is_reference and (beside.is_few or not beside.is_near):
+            c.role, y.role = "r", "y"
+            c.why.append(f"moves without noise: the reference of {y.label}")
+        elif beside.is_few and c.why[-1] == BY_UNIT:
+            c.role = ""
+        elif y.role == "y" and beside.is_near and beside.noise < RAWER:
             c.estimated = is_filter_of(c, y)
             what = "an estimate of it" if c.estimated else "a second sensor"
             c.why.append(f"lies within the noise of {y.label}, with less: {what}")
-        elif beside.rate > RELATED and not beside.in_one_unit:
-            c.role, c.estimated = "v", True
-            c.why.append(f"follows the rate of {y.label}")
 
 
 def _check_names(results: Sequence[Candidate]) -> None:
@@ -114,7 +119,7 @@ def _check_names(results: Sequence[Candidate]) -> None:
         if c.role not in ("v", "r") and not (c.role == "y" and c.estimated):
             continue
         beside, what = Beside.of(c, y), ""
-        if c.role == "v" and abs(beside.rate) <= (FOLLOWS if c.weak else GOES_WITH):
+        if c.role == "v" and abs(beside.rate) <= FOLLOWS:
             what = "the rate of"
         elif c.role == "y" and beside.slowly < GOES_WITH:
             what = "an estimate of"
@@ -178,13 +183,17 @@ def _find_commands(results: Sequence[Candidate], roles: Sequence[str] = ("i",)) 
     """Of two currents that go together take the one that leads for the demanded one."""
     if named(results, "u"):
         roles = [*roles, "u"]
+    y = position_of(results)  # a "raw" channel may be no position
     currents = [
-        c for c in results if c.role in roles and not c.estimated and (c.role or in_steps(c.values))
-    ][:COMPARED]
+        c for c in results if not c.estimated and c is not y and (c.role or in_steps(c.values))
+        and (c.role in roles or (c.role == "y" and c.weak))
+    ][:COMPARED]  # fmt: skip
     for a, b in permutations(currents, 2):
-        if {a.role, b.role} == {""} or "u" in (b.role, *(roles if a.role == "i" else ())):
+        is_pair = b.role != "y" and {a.role, b.role} & {"i", "u"}
+        if not is_pair or (b.role == "u" != a.role) or (a.role == "i" and "u" in roles):
             continue
         alike = a.values.shape == b.values.shape
+        alike = alike and (b.role == "i" or a.drives or in_one_unit(a, b))  # or a force
         if alike and correlation(slow(a.values), slow(b.values)) > RELATED and leads(a, b):
             b.why += [] if b.role else [f"follows {a.label}: the measured current"]
             a.why += [] if a.role == "u" else [f"leads {b.label}: the demanded current"]
@@ -217,10 +226,9 @@ def _take(known: Candidate, left: Sequence[Candidate], role: str) -> None:
     best = left[place]
     # The opposite coil, an estimate, and the current that was measured, go with it.
     apart = [s for c, s in zip(left, shares, strict=True) if not goes_with(c, best)]
-    called = best.role != "y" and (best.weak or len(left) == 1)  # command of what?
+    called = role == "y" or (best.role != "y" and (best.weak or len(left) == 1))  # of what?
     clear = shares[place] >= max(PASSED, OWN * max(apart, default=0.0))
-    control, position = pairs[place][::-1]
-    if (clear and (called or is_control(control, position))) or (role == "y" and len(left) == 1):
+    if (clear and (called or is_control(best, known))) or (role == "y" and len(left) == 1):
         best.role = role
         best.why.append("by elimination only")
         best.rivals += [(c, "by elimination only") for c in left if c is not best][:2]
@@ -229,8 +237,8 @@ def _take(known: Candidate, left: Sequence[Candidate], role: str) -> None:
 def _find_stage(results: list[Candidate]) -> None:
     """See whether a control signal drives the current that was measured, in other units."""
     u, i = (next(iter(named(results, role)), None) for role in "ui")
-    # V, if it is no velocity; or a duty in per cent.
-    u = u or next((c for c in results if not c.role and (c.weak or c.unit == "%")), None)
+    # V, if it is no velocity; a duty in per cent, or volts.
+    u = u or next((c for c in results if not c.role and (c.weak or c.unit in ("%", "V"))), None)
     if u is None or i is None or u.values.shape != i.values.shape:
         return
     command, current = slow(u.values), slow(i.values)
@@ -243,13 +251,17 @@ def _find_stage(results: list[Candidate]) -> None:
         less.why.append(f"does not go with {(u if less is i else i).label}")
     if u.drives or u.unit == "A" or not likeness > GOES_WITH:
         return
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = [of(current) / of(command) for of in (np.nanmean, np.nanstd)]
-    in_one_unit = any(1 / SAME_UNIT < ratio < SAME_UNIT for ratio in ratios)
-    ratio, u.drives = ratios[0], likeness > FOLLOWS and not in_one_unit
+    u.drives = likeness > FOLLOWS and not in_one_unit(u, i)
     if u.drives:
-        u.role = "u"
+        ratio, u.role = np.nanmean(current) / np.nanmean(command), "u"
         u.why.append(f"drives {i.label}, {ratio:.3g} A per unit: a duty or a voltage")
+
+
+def in_one_unit(command: Candidate, current: Candidate) -> bool:
+    """Whether a current is as great as its command, by mean or by motion."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = [of(current.values) / of(command.values) for of in (np.nanmean, np.nanstd)]
+    return any(1 / SAME_UNIT < ratio < SAME_UNIT for ratio in ratios)
 
 
 def _settle_references(results: Sequence[Candidate]) -> None:
