@@ -100,7 +100,7 @@ _UNIT_AT_END = re.compile(
 )
 LENGTH_AT_END = re.compile(r"[ _/](?:[µunm]m|mils?)$")
 _UNIT_IN_BRACKETS = re.compile(rf"(.*?) ?[\[(] ?({_UNITS}) ?[\])](.*)")
-_SEVERAL = re.compile(r"(\d+)(?:[.,p](\d+))? ?(\D+)")  #: Of a fieldbus: 100ns, 0.1um, 0p1um.
+_SEVERAL = re.compile(r"(\d+)(?:[.,p](\d+))? ?([^\W\d]\D*)")  #: Of a fieldbus: 100ns, 0.1um, 0p1um.
 _IN_WORDS = {"mps": "m/s", "amps": "A", "amp": "A", "amperes": "A", "volts": "V", "s": "s"}
 _AS_NAMES = {"ms": "ms", "millis": "ms", "us": "us", "micros": "us", "ns": "ns", "ma": "mA"}
 _OF_LETTERS = {"m": "yr", "s": "t", "A": "ui", "V": "u"}  #: Roles that have these units.

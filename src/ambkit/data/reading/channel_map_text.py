@@ -28,6 +28,13 @@ _OF_Y = {
 }
 """Signals that have the direction of y, and why."""
 
+_SCALES = {
+    ("u", "1"): 'V"  # volts at full duty',
+    ("y", "V"): 'mm/V"  # of the sensor: fill in',
+    ("r", "V"): 'mm/V"  # of the sensor: fill in',
+}
+"""What a unit of a duty, or a volt of a sensor, stands for."""
+
 SLOW = 0.1  #: Pole times sampling time from which on a log is too slow for identification.
 
 
@@ -188,25 +195,24 @@ class _Map:
 
     def _meaning(self, role: str, candidate: Candidate) -> Iterator[str]:
         """Write unit, scale, sign and, as a hint, the offset of a channel."""
-        unit, comment, y, weight = candidate.unit, "", self.y, self.weight
+        unit, comment, y, weight, same = candidate.unit, "", self.y, self.weight, candidate
         if not unit:
             same = y if y is not None and role in ("r", "x_logged") else candidate
             unit, comment = same.unit or _likely_unit(same), "  # guessed from its size"
             if same is y and weight is not None:
                 unit, comment = weight.unit, "  # by the weight of the rotor"
         yield f"unit = {toml_string(unit)}{comment}"
-        yield from () if candidate.scale == "1" else (f"scale = {candidate.scale}",)
-        of_current = role == "u" and si_unit(unit) == "A"
+        of_current, n = role == "u" and si_unit(unit) == "A", same.scale
         if of_current:
             why = "the current stands for the control signal: amplifier gain 1 A/V"
-            yield f'scale = "1 V/A"  # {why}'
+            yield f'scale = "{n} V/A"  # {why}'
             hint = "a sensor showed it: it is not held between samples"
             driven = "control" in self.chosen
             yield f"measured = true  # {hint}" if driven else f"# measured = true  # if {hint}"
-        elif role == "u" and si_unit(unit) == "1":
-            yield 'scale = "1 V"  # volts at full duty'
-        elif role in ("y", "r") and si_unit(unit) == "V":
-            yield 'scale = "1 mm/V"  # of the sensor: fill in'
+        elif scale := _SCALES.get((role, si_unit(unit))):
+            yield f'scale = "{n} {scale}'
+        elif n != "1":
+            yield f"scale = {n}"
         is_inverted = self.u_inverted if role in ("u", "current") else self.y_inverted
         falls = role in _OF_Y and y is not None and _likeness(role, candidate, y) < -0.3
         if role in ("y", *_OF_Y) and y is not None and is_inverted != falls:
@@ -218,9 +224,9 @@ class _Map:
             yield "sign = -1  # it is below 0 all the time, as no coil's current is"
         elif candidate.role == "k" and candidate.turned:
             yield "sign = -1  # a mark lowers it"
-        middle = float(np.median(seen(candidate.values)))
+        middle = float(n) * float(np.median(seen(candidate.values)))
         if role in ("y", "r", "x_logged") and y is not None:
-            middle = middle if falls else float(np.median(seen(y.values)))
+            middle = middle if falls else float(y.scale) * float(np.median(seen(y.values)))
             away = middle if is_inverted != falls else -middle
             if si_unit(unit) == "V":  # with the scale above
                 away, unit = away * factor(unit, "V"), "mm"

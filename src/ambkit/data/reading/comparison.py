@@ -21,6 +21,7 @@ from ambkit.data.reading.position_search import RELATED
 GOES_WITH = 0.3  #: Correlation that a name needs.
 FOLLOWS = 0.7  #: Correlation that speaks without a name.
 SETTLES = 2.0  #: Slope, over 1, of a position on a stepped reference.
+ONE_SIZE = 5.0  #: Ratio of their sizes within which two axes of an orbit are.
 RAWER = 0.8  #: Noise of an estimate over that of its original, at most.
 CLEAN = 0.1  #: The same of a reference, at their sizes.
 SMOOTH = 1e-4  #: Noise of a reference over its size, at most.
@@ -62,7 +63,8 @@ class Beside:
         if abs(self.likeness) < RELATED:  # the position settles on each level of a stepped one
             settles = 1 / SETTLES < self.likeness / self.scale < SETTLES
             return self.is_few and abs(self.likeness) > GOES_WITH and settles
-        smooth = self.rough < SMOOTH or not self.is_near  # an estimate lies within the noise
+        # An estimate lies within the noise.
+        smooth = self.rough < SMOOTH or (1 / SETTLES < self.scale < SETTLES and not self.is_near)
         return self.is_few or (self.noise < CLEAN * self.scale and smooth)
 
     @property
@@ -74,6 +76,11 @@ class Beside:
     def is_rate(self) -> bool:
         """Whether it goes as the rate; a current damps the motion and goes against it."""
         return abs(self.likeness) < RELATED and self.rate > FOLLOWS
+
+    @property
+    def in_one_unit(self) -> bool:
+        """Whether both may be axes of an orbit, of which each goes as the rate of the other."""
+        return 1 / ONE_SIZE < self.scale < ONE_SIZE
 
 
 def rate_likeness(c: Candidate, y: Candidate) -> float:

@@ -44,7 +44,7 @@ def find_rotor(results: list[Candidate]) -> Rotor | None:
         moves = rotor(rows, places.get(y), measured)
     if moves is None and (y is not None or control is not None):
         # A "command" may be the reference's.
-        roles = tuple("yuirv-")
+        roles = tuple("yuirv") if y is not None else tuple("yuirv-")
         others = (c for c in results if c.role in roles and not c.estimated)
         channels += [
             c for c in others if c.values.shape == compared[0].values.shape and c not in places

@@ -71,7 +71,7 @@ def find_roles(results: list[Candidate]) -> Rotor | None:
 
 
 def _read_names(results: Sequence[Candidate]) -> None:
-    """Take the roles that names and units say."""
+    """Take the roles that names and units say; a constant has none."""
     in_amperes = any(LENGTH_AT_END.search(c.label) for c in results)
     numbered = len(results) > 2 and len({re.sub(r"\d+", "", c.label) for c in results}) == 1
     for c in results:
@@ -81,6 +81,9 @@ def _read_names(results: Sequence[Candidate]) -> None:
         if c.role == "k":
             c.why.append(marks(c, LARGEST) or "without marks of a turn")
             c.role = "k" if c.why[-1][0] == "t" else "-"
+        if not c.role and np.ptp(seen(c.values)) == 0:
+            c.why.append(f"is {c.values[0]:g} all the time")
+            c.role = "-"
 
 
 def named(results: Sequence[Candidate], roles: str) -> list[Candidate]:
@@ -94,7 +97,7 @@ def position_of(results: Sequence[Candidate]) -> Candidate | None:
 
 
 def _sort_positions(results: Sequence[Candidate]) -> None:
-    """Of channels that are named positions, find the estimates and the references of others."""
+    """Of channels that are named positions, find estimates, rates and references of others."""
     for c, y in permutations(named(results, "yr")[:COMPARED], 2):
         if c.values.shape != y.values.shape or c.role != "y" or is_few(y.values):
             continue
@@ -108,6 +111,9 @@ def _sort_positions(results: Sequence[Candidate]) -> None:
             c.estimated = is_filter_of(c, y)
             what = "an estimate of it" if c.estimated else "a second sensor"
             c.why.append(f"lies within the noise of {y.label}, with less: {what}")
+        elif y.role == "y" and beside.rate > RELATED and not beside.in_one_unit:
+            c.role, c.estimated = "v", True
+            c.why.append(f"follows the rate of {y.label}")
 
 
 def _check_names(results: Sequence[Candidate]) -> None:
@@ -119,7 +125,7 @@ def _check_names(results: Sequence[Candidate]) -> None:
         if c.role not in ("v", "r") and not (c.role == "y" and c.estimated):
             continue
         beside, what = Beside.of(c, y), ""
-        if c.role == "v" and abs(beside.rate) <= FOLLOWS:
+        if c.role == "v" and abs(beside.rate) <= (FOLLOWS if c.weak else GOES_WITH):
             what = "the rate of"
         elif c.role == "y" and beside.slowly < GOES_WITH:
             what = "an estimate of"
