@@ -2,9 +2,10 @@
 
 ``python -m benchmarks.isolation faults [bearings] [first]`` simulates each fault, and ``pairs`` two
 at a time drawn at random, on random bearings; it compares what `ambkit diagnose` names with the
-truth, where Fisher's information says that it can be. ``healthy [bearings] [first] [samples]
-[rougher]`` counts false alarms, under a load so many times as intense as the filter assumes. The
-plant of the first two is written here, and shares nothing with the filter.
+truth, where the distance of the innovations says that it can be (``isolation_bound``).
+``healthy [bearings] [first] [samples] [rougher]`` counts false alarms, under a load so many times
+as intense as the filter assumes. The plant of the first two is written here, and shares nothing
+with the filter.
 """
 
 from __future__ import annotations
@@ -21,20 +22,13 @@ from numpy.typing import NDArray
 from ambkit import FilterNoise, Machine, Record
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.registry import KINDS
-from ambkit.judge.isolation.isolation import (
-    ALIKE,
-    FINE,
-    LIMIT,
-    MARGIN,
-    NINE_IN_TEN,
-    FaultIsolation,
-    Searches,
-)  # fmt: skip
+from ambkit.judge.isolation.isolation import LIMIT, MARGIN, FaultIsolation, Searches
 from ambkit.machine.magnets import ConstantStiffness, own_time
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.tuning import default_disturbance, tune_disturbance
+from benchmarks.isolation_bound import SIZES, can_be_named, filtered
 from benchmarks.sensors import drawn
 
 Array = NDArray[np.float64]
@@ -96,8 +90,8 @@ class Plants:
         up, low = up * (1 + self.size("upper coil", now)), low * (1 + self.size("lower coil", now))
         return (up - low) * (1 + self.size("magnet", now))
 
-    def run(self, samples: int, seed: int) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-        """Return y [m], u [V], the lagged position [m] (samples, k), and who met a stop (k,)."""
+    def run(self, samples: int, seed: int) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Return y [m], u [V] (samples, k), and who met a stop (k,)."""
         draw = np.random.default_rng(seed)
         k = len(self.machines)
         x, v, x_m = np.zeros(k), np.zeros(k), np.zeros(k)
@@ -106,15 +100,16 @@ class Plants:
         hold = np.array([m.levitation_current for m in self.machines])
         past = np.repeat(hold[None], 4, axis=0)
         touched = np.zeros(k, bool)
-        Y, U, quiet = (np.empty((samples, k)) for _ in range(3))
+        Y, U = np.empty((samples, k)), np.empty((samples, k))
         integral, slow, before = np.zeros(k), np.zeros(k), np.zeros(k)
         walk = np.zeros(k)
         for n in range(samples):
             now = n >= self.onset
-            shown = x_m * (1 + self.size("sensor gain", now))
-            shown = shown + self.size("sensor offset", now)
-            shown = shown + self.size("line noise", now) * np.sin(2 * np.pi * 50 * n * self.T + 1)
-            y = shown + np.sqrt(self.var_y) * draw.standard_normal(k)
+            reading = x_m * (1 + self.size("sensor gain", now))
+            reading = reading + self.size("sensor offset", now)
+            hum = np.sin(2 * np.pi * 50 * n * self.T + 1)
+            reading = reading + self.size("line noise", now) * hum
+            y = reading + np.sqrt(self.var_y) * draw.standard_normal(k)
             r = 0.15 * self.c * np.sign(np.sin(2 * np.pi * n * self.T / (24 * self.own)))
             e = y / self.K - r * self.moving
             slow += 0.7 * (e - slow)
@@ -124,7 +119,7 @@ class Plants:
             a = self.k_s * e + self.m * (w**2 * e + 1.6 * w * rate + 0.2 * w**3 * integral)
             command = np.clip(hold - a / self.k_i, self.limit_low, self.limit)
             u = command / self.gain
-            Y[n], U[n], quiet[n] = y, u, x_m
+            Y[n], U[n] = y, u
             past = np.concatenate([command[None], past[:-1]])
             late = self.size("dead time", now)
             i = np.where(late > 0, past[3], command)
@@ -147,7 +142,7 @@ class Plants:
                 x = new
             touched |= np.abs(x) > self.c
             x = np.clip(x, -self.c, self.c)
-        return Y, U, quiet, touched
+        return Y, U, touched
 
 
 def scaled(machine: Machine, name: str) -> float:
@@ -160,6 +155,11 @@ def scaled(machine: Machine, name: str) -> float:
     if name == "load":
         return size * float(ConstantStiffness.of(machine).k_i) * machine.current_max / 4
     return size
+
+
+def scales(machine: Machine) -> Array:
+    """Return the sizes of the columns of the bound, for its steps."""
+    return np.array([scaled(machine, name) for name in SIZES])
 
 
 def sound(seed: int) -> Machine | None:
@@ -181,47 +181,11 @@ def record_of(machine: Machine, y: Array, u: Array) -> Record:
 
 
 def columns_of(machine: Machine, name: str, size: float, start: int) -> Array:
-    """Return the sizes of a fault's columns in a run from a sample on: the hum has its phase."""
+    """Return the sizes of a fault's columns in a record from a sample on: the hum has its phase."""
     if name != "line noise":
         return np.array([size])
-    phase = 2 * np.pi * 50 * machine.sampling_time * (start - 1) + 1
-    return size * np.array([np.sin(phase), np.cos(phase)])
-
-
-def explained(M: Array, columns: list[int], v: Array) -> float:
-    """Return what columns explain of an observation with which all correlate by v."""
-    return float(v[columns] @ np.linalg.pinv(M[np.ix_(columns, columns)], 1e-9) @ v[columns])
-
-
-def can_be_named(isolation: FaultIsolation, M: Array, there: dict[int, Array]) -> bool:
-    """Whether the bound lets faults of these sizes be named in nine of ten, up to their groups."""
-    faults = isolation.signatures
-    first = np.cumsum([0, *(len(s.columns) for s in faults)])
-    of = [list(range(first[j], first[j + 1])) for j in range(len(faults))]
-    theta = np.zeros(len(M))
-    for j, sizes in there.items():
-        theta[of[j]] = sizes
-    v = M @ theta
-    most = float(theta @ v)
-    limit, margin = ((np.sqrt(at) + NINE_IN_TEN) ** 2 for at in (isolation.limit, isolation.margin))
-    single = [explained(M, of[j], v) for j in range(len(faults))]
-    others = [j for j in range(len(faults)) if not any(isolation.alike(j, k) for k in there)]
-    least = max(margin, 2 * FINE * most)
-    if len(there) == 1:
-        return most >= limit and all(most - single[j] >= least for j in others)
-    a, b = there
-    adds = {a: most - single[b], b: most - single[a]}
-
-    def beyond(j: int) -> float:
-        alike = [3 * ALIKE * adds[k] for k in there if k != j and isolation.alike(j, k)]
-        return max(limit, 3 * FINE * most, *alike)
-
-    return (
-        not isolation.alike(a, b)
-        and all(most - single[j] >= beyond(j) for j in range(len(faults)))
-        and all(most - explained(M, of[j] + of[k], v) >= least
-                for j in others for k in range(len(faults)) if k != j)
-    )  # fmt: skip
+    phase = 2 * np.pi * 50 * machine.sampling_time * start + 1
+    return size * np.array([np.cos(phase), np.sin(phase)])
 
 
 def main() -> None:
@@ -238,16 +202,14 @@ def main() -> None:
         judge(machines, moving, rounds=PAIRS if what == "pairs" else 0)
 
 
-def tuned(machine: Machine, record: Record, rougher: float = 1.0) -> Any:
-    """Return the extended filter with the process noise that a healthy record makes most likely.
+def made(machine: Machine, intensity: Any) -> Any:
+    """Return the extended filter for a load of an intensity [N^2/s]."""
+    return KINDS["extended"].make(machine, noise=FilterNoise(disturbance=intensity))
 
-    Divided by `rougher`.
-    """
 
-    def made(intensity: Any) -> Any:
-        return KINDS["extended"].make(machine, noise=FilterNoise(disturbance=intensity))
-
-    return made(tune_disturbance(machine, record, made).intensity / rougher)
+def intensity_of(machine: Machine, record: Record) -> float:
+    """Return the intensity of the load that a healthy record makes most likely [N^2/s]."""
+    return float(tune_disturbance(machine, record, lambda at: made(machine, at)).intensity)
 
 
 def walk_of(machine: Machine, seed: int) -> float:
@@ -261,10 +223,9 @@ def judge(machines: list[Machine], moving: bool, rounds: int) -> None:
     """Print how often the faults are named, or the two of so many rounds."""
     walk = np.array([walk_of(m, k) for k, m in enumerate(machines)])
     never = 1 << 30
-    Y0, U0, _, lost = Plants(machines, {}, never, moving, walk).run(4000, 0)
-    isolations = [
-        FaultIsolation(tuned(m, record_of(m, Y0[:, j], U0[:, j]))) for j, m in enumerate(machines)
-    ]
+    Y0, U0, lost = Plants(machines, {}, never, moving, walk).run(4000, 0)
+    loads = [intensity_of(m, record_of(m, Y0[:, j], U0[:, j])) for j, m in enumerate(machines)]
+    isolations = [FaultIsolation(made(m, at)) for m, at in zip(machines, loads, strict=True)]
     onset = max(i.window for i in isolations) + 100
     draw = np.random.default_rng(5)
     singles = [[(name,)] * len(machines) for name in FAULTS]
@@ -278,7 +239,7 @@ def judge(machines: list[Machine], moving: bool, rounds: int) -> None:
                             for m, of in zip(machines, trial, strict=True)]) for name in FAULTS
         }  # fmt: skip
         plants = Plants(machines, sizes, onset, moving, walk)
-        Y, U, quiet, touched = plants.run(2 * onset - 100, 1)
+        Y, U, touched = plants.run(2 * onset - 100, 1)
         for j, (machine, isolation, true) in enumerate(
             zip(machines, isolations, trial, strict=True)
         ):
@@ -288,14 +249,12 @@ def judge(machines: list[Machine], moving: bool, rounds: int) -> None:
             stop = onset + isolation.span
             start = stop - (stop // isolation.every) * isolation.every
             s = isolation.run(record_of(machine, Y[start:stop, j], U[start:stop, j]))
-            isolation.run(record_of(machine, quiet[start:stop, j], U[start:stop, j]))
-            M = isolation.information(isolation.span)
-            there = {
-                names.index(name): columns_of(machine, name, float(sizes[name][j]), start)
-                for name in true
-            }
-            can = can_be_named(isolation, M, there)
+            there = {name: columns_of(machine, name, float(sizes[name][j]), start) for name in true}
             family = {s.name: s.group for s in isolation.signatures}
+            can = can_be_named(
+                filtered(machine, Y[start:stop, j], U[start:stop, j], loads[j], scales(machine)),
+                onset - start, there, family,
+            )  # fmt: skip
             said = verdict(s.groups(-1), true, family)
             of_any = ["all", *true] if rounds else true
             for name in of_any:
@@ -340,8 +299,8 @@ def healthy(count: int, first: int, samples: int, rougher: float) -> None:
             continue
         if np.abs(record["x"]).max() > 0.99 * machine.clearance:
             continue
-        kalman = tuned(machine, record.between(stop=record.t[min(8000, samples // 4)]), rougher)
-        s = FaultIsolation(kalman).run(record)
+        tuned = intensity_of(machine, record.between(stop=record.t[min(8000, samples // 4)]))
+        s = FaultIsolation(made(machine, tuned / rougher)).run(record)
         total += len(record)
         bad = np.flatnonzero(s.alarms)
         alarms += len(bad)

@@ -1,5 +1,5 @@
 #include "ambkit/root.h"
-#include "isolation_sweep.h"
+#include "isolation_restart.h"
 #include "kalman_step.h"
 
 /* A rotor counts as on its stop from this share of its travel on. */
@@ -10,9 +10,6 @@
 #define REMEMBERED 64
 #define START 8
 #define MOST AMB_C(9.0)
-
-/* Health of a reading without information. */
-#define MISSING (AMB_MISSING | AMB_FROZEN | AMB_BAD_VARIANCE)
 
 int amb_isolation_row(const amb_isolation *iso)
 {
@@ -34,6 +31,9 @@ void amb_isolation_reset(const amb_isolation *iso, amb_isolation_state *state)
   state->contact = free_of(iso);
   state->filled = 0;
   state->seen = 0;
+  state->apart = false;
+  state->held = 0;
+  state->holds = 0;
   amb_clear(AMB_STATES, state->mean);
   amb_clear(AMB_SENSORS, state->read);
   amb_clear(AMB_SENSORS, state->lagged);
@@ -214,46 +214,10 @@ static bool is_on_stop(const amb_isolation *iso, const amb_kalman *kf,
 {
   bool on_stop = false;
   for (int r = 0; r < iso->sensors; r++) {
-    const amb_real limit = amb_magnitude(kf->set.K_sen[r]) * kf->set.travel[r];
-    on_stop = on_stop || (amb_magnitude(filter->sensor[r].last_y) > (ON_STOP * limit));
+    const amb_real limit = ON_STOP * limit_of(kf, r);
+    on_stop = on_stop || (amb_magnitude(filter->sensor[r].last_y) > limit);
   }
   return on_stop;
-}
-
-/* Mean after one sample, without noise. */
-static void advance_mean(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
-                         const amb_real iu[AMB_CONTROLS], amb_real mean[AMB_STATES])
-{
-  amb_real F[AMB_FORCES];
-  amb_stiffness k[AMB_FORCES];
-  amb_step_forces(kf, magnet, iu, mean, F, k);
-  for (int f = 0; f < amb_forces(&kf->model); f++) {
-    F[f] += kf->set.f_0[f];
-  }
-  amb_model_predict_mean(&kf->model, F, iu, mean);
-}
-
-/* The filter restarted from the reading of a sensor: an update with another gain, the change of the
- * mean over the innovation. Returns whether there is such a sensor. */
-static bool put_restart(const amb_isolation *iso, const amb_real predicted[],
-                        const amb_kalman_state *filter, const amb_kalman_result *result,
-                        amb_real *gains)
-{
-  const int n = iso->states;
-  int restarted = -1;
-  for (int r = 0; r < iso->sensors; r++) {
-    const bool is = ((result->health[r] & AMB_RESTARTED) != 0U) &&
-                    (amb_magnitude(result->innovation[r]) > AMB_C(0.0));
-    restarted = is ? r : restarted;
-  }
-  if (restarted >= 0) {
-    amb_clear(iso->sensors * n, gains);
-    for (int i = 0; i < n; i++) {
-      gains[(restarted * n) + i] =
-          (filter->mean[i] - predicted[i]) / (iso->unit[i] * result->innovation[restarted]);
-    }
-  }
-  return restarted >= 0;
 }
 
 void amb_isolation_put(const amb_isolation *iso, amb_isolation_state *state, const amb_kalman *kf,
@@ -277,15 +241,16 @@ void amb_isolation_put(const amb_isolation *iso, amb_isolation_state *state, con
   for (int c = 0; c < amb_controls(&kf->model); c++) {
     iu[c] = amb_clamp(kf->set.k_ui[c] * filter->last_u[c], kf->set.iu_min[c], kf->set.iu_max[c]);
   }
+  bool lost = (result->status & AMB_BAD_VARIANCE) != 0U;
   put_forces(iso, state, kf, iu, row);
   put_measurements(iso, state, filter, result, row + sensors, measured);
   put_gains(iso, kf, filter, result, gains);
-  put_roughness(iso, state, measured);
-  bool lost = (result->status & AMB_BAD_VARIANCE) != 0U;
-  if ((result->status & AMB_RESTARTED) != 0U) {
-    advance_mean(kf, magnet, iu, state->mean);
-    lost = !put_restart(iso, state->mean, filter, result, gains) || lost;
+  if (state->apart || ((result->status & AMB_RESTARTED) != 0U)) {
+    lost = !amb_restart_go_on(iso, state, kf, magnet, iu, filter, result, row) || lost;
+    state->apart = state->apart && !lost;
+    mean = state->apart ? state->mean : filter->mean;
   }
+  put_roughness(iso, state, measured);
   const bool on_stop = is_on_stop(iso, kf, filter);
   const int apart = state->contact + ((state->contact < free_of(iso)) ? 1 : 0);
   state->contact = on_stop ? 0 : apart;

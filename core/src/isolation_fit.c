@@ -41,6 +41,7 @@ static replay begin_fit(const amb_isolation *iso, int j, int l, int since)
   replay fit;
   fit.columns = columns_of(iso, j, l, fit.column);
   fit.since = since;
+  fit.promised = false;
   fit.explains = AMB_C(0.0);
   fit.correlated = AMB_C(0.0);
   amb_clear(MOST_COLUMNS, fit.size);
@@ -148,27 +149,50 @@ int amb_fit_singles(window *in, int first, amb_isolation_result result[])
   return best;
 }
 
-/* Keep the likeliest pairs by the linearised signatures; of each pair the likelier onset. */
+/* Keep a pair if it is one of the likeliest; of each pair the likelier onset. */
+static void keep_pair(int j, int l, const replay *fit, pairs *list)
+{
+  int at = (list->count < PAIRS) ? list->count : 0;
+  for (int k = 0; (list->count >= PAIRS) && (k < PAIRS); k++) {
+    const bool less = list->likely[k].fit.explains < list->likely[at].fit.explains;
+    at = less ? k : at;
+  }
+  for (int k = 0; k < list->count; k++) {
+    at = ((list->likely[k].of[0] == j) && (list->likely[k].of[1] == l)) ? k : at;
+  }
+  if ((at >= list->count) || (fit->explains > list->likely[at].fit.explains)) {
+    list->count = (at >= list->count) ? (at + 1) : list->count;
+    list->likely[at].of[0] = j;
+    list->likely[at].of[1] = l;
+    list->likely[at].fit = *fit;
+  }
+}
+
+/* Keep the likeliest pairs by the linearised signatures. */
 static void keep_pairs(const amb_isolation *iso, const sweep *w, int since, pairs *list)
 {
   for (int j = 0; j < iso->faults; j++) {
     for (int l = j + 1; l < iso->faults; l++) {
       replay fit = begin_fit(iso, j, l, since);
       fit.explains = amb_fit_likelihood(iso, w, j, l, fit.size, fit.variance);
-      int at = (list->count < PAIRS) ? list->count : 0;
-      for (int k = 0; (list->count >= PAIRS) && (k < PAIRS); k++) {
-        const bool less = list->likely[k].fit.explains < list->likely[at].fit.explains;
-        at = less ? k : at;
-      }
-      for (int k = 0; k < list->count; k++) {
-        at = ((list->likely[k].of[0] == j) && (list->likely[k].of[1] == l)) ? k : at;
-      }
-      if ((at >= list->count) || (fit.explains > list->likely[at].fit.explains)) {
-        list->count = (at >= list->count) ? (at + 1) : list->count;
-        list->likely[at].of[0] = j;
-        list->likely[at].of[1] = l;
-        list->likely[at].fit = fit;
-      }
+      keep_pair(j, l, &fit, list);
+    }
+  }
+}
+
+/* Keep the likeliest pairs of a fault that was fitted, and another one: by the signatures along the
+ * run with the first. */
+static void keep_pairs_of(const window *in, int of, const amb_isolation_result *one, pairs *list)
+{
+  const amb_isolation *iso = in->data.iso;
+  for (int j = 0; j < iso->faults; j++) {
+    if (j != of) {
+      const bool later = j < of;
+      replay fit = begin_fit(iso, later ? j : of, later ? of : j, one->since);
+      amb_copy((int)iso->fault[of].columns, one->size,
+               fit.size + (later ? (int)iso->fault[j].columns : 0));
+      amb_replay_promise(&in->data, &fit);
+      keep_pair(later ? j : of, later ? of : j, &fit, list);
     }
   }
 }
@@ -212,10 +236,15 @@ void amb_fit_pairs(const window *in, int of, amb_isolation_result result[], pair
         keep_pairs(in->data.iso, &w, ago + 1, list);
       }
     }
+    keep_pairs_of(in, of, &result[of], list);
     for (int k = 0; k < list->count; k++) {
-      pair *two = &list->likely[k];
-      two->fit = begin_fit(in->data.iso, two->of[0], two->of[1], two->fit.since);
-      amb_replay_fit(&in->data, &two->fit);
+      replay *fit = &list->likely[k].fit;
+      if (fit->promised) {
+        fit->explains = AMB_C(0.0);
+      } else {
+        *fit = begin_fit(in->data.iso, list->likely[k].of[0], list->likely[k].of[1], fit->since);
+      }
+      amb_replay_fit(&in->data, fit);
     }
     find_best(list);
     find_onset(in, &list->likely[list->best].fit);

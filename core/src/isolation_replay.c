@@ -255,6 +255,19 @@ static normal along(const samples *in, const replay *of, const amb_real size[], 
   return sum;
 }
 
+void amb_replay_promise(const samples *in, replay *of)
+{
+  amb_real step[MOST_COLUMNS];
+  motion now;
+  find_terms(in->iso, of, &now);
+  normal sum = along(in, of, of->size, &now);
+  of->promised = true;
+  of->explains = sum.explains + amb_explained(of->columns, sum.M, sum.g, step, of->variance);
+  for (int j = 0; j < of->columns; j++) {
+    of->size[j] += step[j];
+  }
+}
+
 void amb_replay_fit(const samples *in, replay *of)
 {
   amb_real trial[MOST_COLUMNS];

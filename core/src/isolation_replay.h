@@ -14,6 +14,7 @@ typedef struct replay {
   int columns;
   int column[MOST_COLUMNS];
   int since;
+  bool promised;       /* `explains` is predicted from a fit of one of two faults */
   amb_real explains;   /* l; 0 before the first fit */
   amb_real correlated; /* sum of products of successive residuals over S */
   amb_real size[MOST_COLUMNS];
@@ -24,6 +25,9 @@ typedef struct replay {
  * column that depends on those before it explains nothing more. */
 amb_real amb_explained(int count, amb_real M[MOST_COLUMNS][MOST_COLUMNS],
                        const amb_real g[MOST_COLUMNS], amb_real size[], amb_real variance[]);
+
+/* Predict l of the best sizes by one Gauss-Newton step from those given. */
+void amb_replay_promise(const samples *in, replay *of);
 
 /* Fit the sizes by Gauss-Newton steps from those given. */
 void amb_replay_fit(const samples *in, replay *of);

@@ -172,12 +172,25 @@ static void name_two(const window *in, const pairs *list, amb_real least,
   amb_fit_write(&two->fit, own, two->fit.columns - own, &result[two->of[1]]);
 }
 
-static void name_one(const window *in, int first, amb_real least, amb_isolation_result result[])
+/* The likeliest fault is named; another one is possible instead if it explains as much, or is one
+ * of two that explain more together. */
+static void name_one(const window *in, int first, const pairs *list, amb_real least,
+                     amb_isolation_result result[])
 {
   const amb_real most = result[first].likelihood;
+  const amb_real both = list->likely[list->best].fit.explains;
+  const amb_real of_two = amb_at_least(least, AMB_C(0.5) * in->share * both);
   for (int j = 0; j < in->data.iso->faults; j++) {
     const amb_real margin = amb_at_least(least, share_of(in, j, first) * most);
     result[j].instead = ((most - result[j].likelihood) < margin) ? first : -1;
+  }
+  const bool doubtful = (both - most) >= of_two;
+  for (int k = 0; doubtful && (k < list->count); k++) {
+    const pair *two = &list->likely[k];
+    if ((both - two->fit.explains) < of_two) {
+      result[two->of[0]].instead = first;
+      result[two->of[1]].instead = first;
+    }
   }
 }
 
@@ -207,7 +220,7 @@ static int name_likeliest(window *in, int of, amb_isolation_result result[], amb
     named = 2;
   } else {
     const amb_real margin = iso->margin * *scale;
-    name_one(in, first, amb_at_least(margin, in->missed), result);
+    name_one(in, first, &list, amb_at_least(margin, in->missed), result);
   }
   return named;
 }

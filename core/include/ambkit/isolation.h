@@ -22,7 +22,12 @@
  *
  * The faults and pairs that the sweep makes likely are replayed: d is stepped along the window with
  * the forces of the magnets at the rotor, which is where the estimate and d are, and sizes and
- * onset are fitted (Gauss-Newton). A restart of the filter is an update with another gain.
+ * onset are fitted (Gauss-Newton). Pairs are ranked by their linearised signatures, those of the
+ * likeliest fault by the signatures along the run with it.
+ *
+ * A filter that rejects readings and restarts forgets what tells faults apart. So after a restart
+ * the innovations are those of a filter that goes on, with the gains from before, until the one
+ * that flies is as certain again and both agree.
  *
  * All l are divided by the scale of the innovations: what the fault leaves of their variance, or
  * their roughness before the window if that is larger. So a filter with wrong noise, or with a load
@@ -31,7 +36,8 @@
  * The named fault excludes another one if it explains more than that: by the margin, by the share
  * that signatures may miss, and by the correlation that it leaves in the residuals; of a pair, by
  * that share of what each adds to the other. A pair is named if it explains more than any single
- * fault: by the limit, by twice that share, and by three times the correlation left.
+ * fault: by the limit, by twice that share, and by three times the correlation left. Where two
+ * explain more than one by the margin, and by half that share, they are possible instead of it.
  *
  * Where a reading shows the rotor on a stop, whose force is unknown, the state's `contact` is 0,
  * and no fault is named until two windows are free of it.
@@ -126,7 +132,10 @@ typedef struct amb_isolation_state {
   volatile int filled;         /* rows */
   volatile unsigned int count; /* samples put */
   volatile int contact;        /* samples since the rotor was on a stop, up to two windows */
-  int seen;                    /* samples since the start, up to AMB_ISOLATION_LEAST */
+  bool apart; /* the filter restarted, and the mean is that of a filter that did not, ... */
+  int held;   /* ... with the gains of this row ... */
+  int holds;  /* ... for so many samples more at most */
+  int seen;   /* samples since the start, up to AMB_ISOLATION_LEAST */
   volatile amb_real roughness[AMB_SENSORS]; /* of the innovations before the window, at least 1 */
   amb_real recent[AMB_ISOLATION_RECENT][AMB_SENSORS]; /* sums of e / sqrt(S), the newest first */
   int block;                                          /* samples in the newest sum */

@@ -24,7 +24,7 @@ from ambkit.simulation.scenario import Scenario
 
 _ISOLATION = (
     "src/isolation.c", "src/isolation_sweep.c", "src/isolation_replay.c", "src/isolation_fit.c",
-    "src/isolation_search.c",
+    "src/isolation_restart.c", "src/isolation_search.c",
 )  # fmt: skip
 
 

@@ -331,13 +331,13 @@ _FAULTS: tuple[tuple[str, str, str, float, Limit], ...] = (
 
 def _truth(machine: Machine) -> list[Variable]:
     """Return positions and velocities, and their values at sensors and axes."""
-    shown = per_name("x_m", "output", "m", "sensor output without noise",
+    displayed = per_name("x_m", "output", "m", "sensor output without noise",
                       _reading_names(machine))  # fmt: skip
     if machine.single:
         return [
             Variable("x", "output", "m", "displacement of the rotor", first="q"),
             Variable("v", "output", "m/s", "its velocity"),
-            *shown,
+            *displayed,
         ]
     moving = continuous(machine).states[: 2 * len(machine.positions)]
     return [
@@ -346,7 +346,7 @@ def _truth(machine: Machine) -> list[Variable]:
                      first="" if k else "q")
             for k, at in enumerate(moving)
         ),
-        *shown,
+        *displayed,
         *per_name("s", "output", "m", "displacement of the rotor along the axis", _axes(machine)),
     ]  # fmt: skip
 
