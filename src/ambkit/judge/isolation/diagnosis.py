@@ -101,13 +101,17 @@ class Diagnosis(Result):
         at = int(np.argmax(s.likelihood[:, j])) if k is None else k
         size = float(np.linalg.norm(s.size[at, j])) if len(signature.columns) > 1 else None
         size = float(s.size[at, j, 0]) if size is None else size
+        error = float(s.std[at, j].max())
+        if signature.name == "mass":  # its signature is a share of the acceleration, 1 - m_0 / m
+            size, error = size / (1 - size), error / (1 - size) ** 2
         raised = k is not None and s.likelihood[at, j] >= self.limit
-        named, possible = bool(s.named[at, j]), bool(s.instead[at, j] >= 0)
-        verdict = "named" if named else "possible" if possible else "–"
+        group = int(s.instead[at, j])  # of faults that cannot be told apart
+        shared = group >= 0 and np.count_nonzero(s.instead[at] == group) > 1
+        verdict = "possible" if shared else "named" if group >= 0 else "–"
         rows = [
             Row("likelihood", "likelihood ratio", float(s.likelihood[at, j]), digits=3),
             Row("size", "size", size if raised else None, signature.unit, 3,
-                error=float(s.std[at, j].max()) if raised else None),
+                error=error if raised else None),
             Row("since", "begin", self._since(at, j) if raised else None),
             Row("verdict", "verdict", None if k is None else verdict),
             Row("about", "what is off", signature.about),
