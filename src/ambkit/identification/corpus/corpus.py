@@ -254,7 +254,7 @@ def identify_corpus(
         start = start.replace(line=True)
     # The sampled model is exact, except for the fraction of a sample in a delay: nanometres.
     start = start.replace(substeps=1)
-    start = start.replace(known={n: v for n, v in priors_of(start).items() if n in free})
+    start = start.replace(known=priors_of(start, free))
     names = list(flight_records)
     result = _identify_each(flight_records, start, free, note)
     for name in [name for name in names if isinstance(result[name], str)]:

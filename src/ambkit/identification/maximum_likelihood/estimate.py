@@ -7,7 +7,7 @@ restricted likelihood.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -31,7 +31,7 @@ from ambkit.identification.maximum_likelihood.information import (
     weakly_identified,
 )
 from ambkit.identification.maximum_likelihood.joint import Joint
-from ambkit.identification.maximum_likelihood.likelihood import Data
+from ambkit.identification.maximum_likelihood.likelihood import Data, Local
 from ambkit.identification.maximum_likelihood.line_noise import with_lines
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import (
@@ -100,7 +100,7 @@ def maximum_likelihood(
         result = ascent.maximise(search.data, joint.model, parameters)
     note("correcting what is biased")
     model = restricted(search.data, result.model, result.local, parameters)
-    model, errors = search.errors(model, parameters, joint, profile=profile)
+    model, errors = search.errors(model, parameters, joint, missed, profile=profile)
     step = position_step(logged)
     return search.result(model, parameters, errors, result, held | missed, started_from, step)
 
@@ -131,8 +131,7 @@ class _Search:
         ):
             self.remarks.append(INSUFFICIENT_EXCITATION)
         self.nominal, initial = models
-        names = {p.name for p in parameters}
-        known = {name: value for name, value in priors_of(initial).items() if name in names}
+        known = priors_of(initial, [p.name for p in parameters])
         self.initial = ascent.tighten_clearance(
             self.data.records, initial.replace(known=known), parameters
         )
@@ -154,28 +153,43 @@ class _Search:
     ) -> tuple[ascent.Optimum, list[Parameter], dict[str, str]]:
         """Maximise, hold unidentifiable parameters one by one, and maximise again."""
         held: dict[str, str] = {}
+        first = begin
         while True:
             self.note(f"searching {len(parameters)} parameters")
             result = ascent.maximise(self.data, begin, parameters)
             self.steps += result.steps
-            worst = weakly_identified(result.local.information, parameters)
+            information = self.beside(held, result.model, parameters).information
+            worst = weakly_identified(information, parameters, self.initial)
             worst = worst or ascent.diverged(result.model, parameters)
             worst = worst or ascent.unnecessary(self.data, result, parameters)
             if worst is None:
                 return result, parameters, held
             parameter, why = worst
             parameters = [p for p in parameters if p is not parameter]
-            from_start = begin if ALIKE in why or ascent.WALL in why else None
+            strayed = ALIKE in why or ascent.WALL in why
             begin, at = ascent.fix(
-                self.data, result, parameter, parameters, self.nominal, from_start,
-                self.initial,
-            )  # fmt: skip
+                self.data, result, parameter, parameters, self.nominal, first, strayed=strayed
+            )
+            first = first.replace(**{parameter.place: parameter.of(begin)})
             held[parameter.name] = f"{why}; held at {at}"
             if not parameters:
                 raise AmbkitError(
                     "the records determine no parameter: "
                     + "; ".join(f"{n}: {w}" for n, w in held.items())
                 )
+
+    def beside(
+        self, held: Iterable[str], model: LoopModel, parameters: list[Parameter],
+        joint: Joint | None = None,
+    ) -> Local:  # fmt: skip
+        """Return the likelihood at a model, with coarse priors of the parameters that are held."""
+        rest = named(tuple(held))
+        everything, p = [*parameters, *rest], len(parameters)
+        local = self.data.local(model, everything)
+        if joint is not None:
+            local = replace(joint, model=model, parameters=everything).local(local)
+        precision = {p + at: 1 / one.range(model) ** 2 for at, one in enumerate(rest)}
+        return local.beside(range(p), precision)
 
     def lines(self, model: LoopModel, parameters: list[Parameter]) -> tuple[Hum, ...]:
         """Return the lines of a model's sensor, and those detected in the position."""
@@ -197,13 +211,18 @@ class _Search:
         return joint
 
     def errors(
-        self, model: LoopModel, parameters: list[Parameter], joint: Joint | None, *, profile: bool
+        self,
+        model: LoopModel,
+        parameters: list[Parameter],
+        joint: Joint | None,
+        held: Mapping[str, str],
+        *,
+        profile: bool,
     ) -> tuple[LoopModel, dict[str, Any]]:
         """Return a model for the signals as measured, and its errors."""
-        local = self.data.local(model, parameters)
+        expansion = self.beside(held, model, parameters, joint)
         steps = Coordinates(model, parameters).unit_steps()
         unit = np.outer(steps, steps)
-        expansion = replace(joint, model=model).local(local) if joint is not None else local
         inverse = np.asarray(np.linalg.inv(expansion.information), float)
         curved, robust = inverse * unit, inverse @ expansion.scatter @ inverse * unit
         larger = np.sqrt(np.maximum(np.diag(robust) / np.diag(curved), 1.0))
@@ -211,8 +230,9 @@ class _Search:
         profiles: dict[str, tuple[float, float]] = {}
         if profile:
             self.note("computing profile likelihood intervals")
-            # As if the coil were known.
-            uncoupled = np.asarray(np.linalg.inv(local.information), float)
+            # As if the coil, and what is held, were known.
+            searched = self.data.local(model, parameters).information
+            uncoupled = np.asarray(np.linalg.inv(searched), float)
             larger *= np.sqrt(np.diag(inverse) / np.diag(uncoupled))
             profiles = intervals(self.data, model, parameters, uncoupled, larger)
         if self.current is not None:
@@ -230,7 +250,7 @@ class _Search:
             "correlation": covariance / np.outer(errors, errors),
             "record_share": np.diag(inverse @ expansion.record_information),
             "profiles": profiles,
-            "log_likelihood": local.value,
+            "log_likelihood": expansion.value,
         }
 
     def result(

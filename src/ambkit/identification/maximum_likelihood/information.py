@@ -22,11 +22,13 @@ from ambkit.identification.maximum_likelihood.likelihood import Data, Likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import (
     ALIKE,
+    DESCRIBED,
     NOISES,
     Coordinates,
     Parameter,
     identifiable,
     named,
+    priors_of,
 )
 from ambkit.identification.maximum_likelihood.search import LONGEST_STEP, maximise
 from ambkit.machine.magnets import own_time
@@ -202,29 +204,30 @@ class Expectation:
 
 def expect(record: Record, model: LoopModel, free: Sequence[str]) -> Expectation:
     """Return the expected accuracy of parameters from a record of the model."""
-    # Unidentifiable parameters are held one by one, as in `maximum_likelihood`.
+    # Priors, and parameters held one by one, are those of `maximum_likelihood`.
     parameters, held = identifiable(named(free), model)
+    model = model.replace(known=priors_of(model, [p.name for p in parameters]))
     likelihood = Data([record], own_time(model.isolated)).likelihood(model, parameters)
-    _, _, by_e, by_S, used = likelihood.slopes(np.zeros(len(parameters)))
-    information = by_e @ by_e.T + 0.5 * by_S @ by_S.T
-    _, certainty = np.linalg.slogdet(np.eye(len(parameters)) + information)
+    slopes = likelihood.slopes(np.zeros(len(parameters)))
+    everything, (_, _, by_e, _, used) = likelihood.of_slopes(model, slopes), slopes
+    _, certainty = np.linalg.slogdet(np.eye(len(parameters)) + everything.record_information)
 
-    indices = list(range(len(parameters)))
-    while indices:
-        worst = weakly_identified(
-            information[np.ix_(indices, indices)], [parameters[at] for at in indices]
-        )
+    kept, left_out = list(range(len(parameters))), dict[int, float]()
+    while True:
+        information = everything.beside(kept, left_out).information
+        worst = weakly_identified(information, [parameters[at] for at in kept], model)
         if worst is None:
             break
         parameter, why = worst
         held[parameter.name] = why
-        indices = [at for at in indices if parameters[at] is not parameter]
-    kept_parameters = [parameters[at] for at in indices]
+        left_out[parameters.index(parameter)] = 1 / parameter.range(model) ** 2
+        kept.remove(parameters.index(parameter))
+    kept_parameters = [parameters[at] for at in kept]
     unit = np.array([(p.of(model) if p.positive else p.coarse(model)) for p in kept_parameters])
-    covariance = np.linalg.inv(information[np.ix_(indices, indices)]) * np.outer(unit, unit)
+    covariance = np.linalg.inv(information) * np.outer(unit, unit)
     errors = np.sqrt(np.diag(covariance))
-    sensitivity = np.zeros((len(kept_parameters), used.size))
-    sensitivity[:, used] = by_e[indices] / unit[:, None]
+    sensitivity = np.zeros((len(kept), used.size))
+    sensitivity[:, used] = by_e[kept] / unit[:, None]
     return Expectation(
         model, kept_parameters, errors, covariance / np.outer(errors, errors), held,
         float(certainty), sensitivity,
@@ -241,19 +244,26 @@ def correlated(information: Array) -> list[int]:
 
 
 def weakly_identified(
-    information: Array, parameters: Sequence[Parameter]
+    information: Array, parameters: Sequence[Parameter], model: LoopModel
 ) -> tuple[Parameter, str] | None:
     """Return a parameter that records do not determine, with the reason; None if there is none."""
-    # information (p, p)
-    root = np.sqrt(np.diag(information))
-    for at in reversed(range(root.size)):
-        if not root[at] > 1.0:  # even with all others known, its error would be its coarse one
+    # information (p, p), with the priors. A parameter of the log with a prior is kept, however
+    # little the records say of it; of one of the machine they must say more than its description.
+    of_log = np.array([p.name in model.known and p.name not in DESCRIBED for p in parameters])
+    prior = np.array([float(p.name in model.known and p.name in DESCRIBED) for p in parameters])
+    plausible = np.array([p.range(model) for p in parameters])
+    root = np.sqrt(np.diag(information)) * plausible
+    for at in reversed(np.flatnonzero(~of_log).tolist()):
+        if not root[at] ** 2 > 1.0 + prior[at]:  # even with all others known
             return parameters[at], "the records do not depend on it"
+    if not parameters:
+        return None
     alike = correlated(information)
     if alike:
         names = " and ".join(parameters[i].name for i in alike)
         return parameters[alike[-1]], f"{names} {ALIKE}"
-    errors = np.sqrt(np.diag(np.linalg.inv(information)))
+    errors = np.sqrt(np.diag(np.linalg.inv(information)) * (1.0 + prior)) / plausible
+    errors[of_log] = 0.0
     worst = int(np.argmax(errors))
     if errors[worst] > 1.0:
         return parameters[worst], "its standard error exceeds its plausible range"

@@ -8,7 +8,7 @@ too (Ljung 1999, ch. 13).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -35,6 +35,10 @@ FEWEST_BLOCKS = 30  #: Minimum number of blocks for a scatter; short records hav
 STEP = 1e-4
 
 
+Slopes = tuple[Array, Array, Array, Array, Bools]
+"""Innovations [m], variances [m^2], derivatives of both, normalised, and which samples count."""
+
+
 @dataclass(frozen=True, eq=False)
 class Local:
     """Likelihood at one point of the search, with p coordinates."""
@@ -50,6 +54,23 @@ class Local:
     #: for the blocks). Equal to the information if the model is right.
     scatter: Array
     record_information: Array  #: (p, p) The information of the records alone.
+
+    def beside(self, kept: Sequence[int], held: Mapping[int, float]) -> Local:
+        """Return the likelihood of some parameters, with precisions of those that are held."""
+        # A held parameter is not known: the errors of the others include that of its coarse range.
+        coarse = np.diag([held.get(at, 0.0) for at in range(self.score.size)])
+        information, scatter = self.information + coarse, self.scatter + coarse
+        free = np.eye(self.score.size)[kept]
+        rest = list(held)
+        among = information[np.ix_(rest, kept)]
+        free[:, rest] = -np.linalg.solve(information[np.ix_(rest, rest)], among).T
+        return Local(
+            self.value,
+            self.score[kept],
+            free @ information[:, kept],
+            free @ scatter @ free.T,
+            free @ self.record_information[:, kept],
+        )
 
     @property
     def held(self) -> Array:
@@ -134,7 +155,7 @@ class Likelihood:
             return -math.inf
         return _log_likelihood(e[used], S[used]) + log_prior(model)
 
-    def slopes(self, z: Array, *, rough: bool = False) -> tuple[Array, Array, Array, Array, Bools]:
+    def slopes(self, z: Array, *, rough: bool = False) -> Slopes:
         """Return derivatives of the innovations, by central or roughly by one-sided differences."""
         # z (p,); e (n,) [m]; S (n,) [m^2]; by_e (p, n); by_S (p, n)
         steps, near = STEP * np.eye(z.size), (z, self._filter(z))
@@ -167,10 +188,14 @@ class Likelihood:
 
     def local(self, z: Array, *, rough: bool = False) -> Local:
         """Return value, score and information, by differences of the innovations, see `slopes`."""
-        e, S, by_e, by_S, _ = self.slopes(z, rough=rough)
+        return self.of_slopes(self.coordinates.model_at(z), self.slopes(z, rough=rough))
+
+    def of_slopes(self, model: LoopModel, slopes: Slopes) -> Local:
+        """Return value, score and information at a model, of the derivatives there."""
+        e, S, by_e, by_S, _ = slopes
         r = e / np.sqrt(S)
         scores = -(by_e * r + 0.5 * by_S * (1 - r**2))
-        model, information = self.coordinates.model_at(z), by_e @ by_e.T + 0.5 * by_S @ by_S.T
+        information = by_e @ by_e.T + 0.5 * by_S @ by_S.T
         slope, known = self.priors(model)
         return Local(
             _log_likelihood(e, S) + log_prior(model),
@@ -187,9 +212,8 @@ class Likelihood:
         for at, parameter in enumerate(self.coordinates.parameters):
             if parameter.name in model.known:
                 value, std = model.known[parameter.name]
-                now = parameter.of(model)
-                step = (now if parameter.positive else unit[at]) / std
-                slope[at], precision[at] = -step * (now - value) / std, step**2
+                step = (value if parameter.positive else unit[at]) / std
+                slope[at], precision[at] = -step * parameter.from_prior(model), step**2
         return slope, np.diag(precision)
 
 

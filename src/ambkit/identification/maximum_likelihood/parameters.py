@@ -39,6 +39,17 @@ class Parameter:
             raise AmbkitError(f"{self.name}: {model.isolated.name} has no {key} to start from")
         return float(thing)
 
+    def range(self, model: LoopModel) -> float:
+        """Return its plausible standard deviation, in the coordinate of the search."""
+        return self.coarse(model) if self.positive else 1.0
+
+    def from_prior(self, model: LoopModel) -> float:
+        """Return its distance from its prior's value, in standard deviations."""
+        value, std = model.known[self.name]
+        if self.positive:
+            return math.log(self.of(model) / value) * value / std
+        return (self.of(model) - value) / std
+
     def text(self, model: LoopModel) -> str:
         """Return its value in a model in words."""
         return engineering(self.of(model), self.unit, 3)
@@ -50,6 +61,10 @@ def _path(place: str) -> list[str]:
 
 def _one(_: LoopModel) -> float:
     return 1.0
+
+
+def _guessed(_: LoopModel) -> float:
+    return 3.0  # no description states it: the default is a guess
 
 
 def _samples(model: LoopModel) -> float:
@@ -79,7 +94,7 @@ PARAMETERS: dict[str, Parameter] = {
         Parameter("position_noise", r"\kappa", "1/m", "sensor__position_noise", False,
                   lambda m: 1 / m.isolated.clearance),
         Parameter("control_noise", "Q_u", "V^2", "amplifier__noise_variance", True, _one),
-        Parameter("disturbance_noise", "Q_d", "N^2/s", "disturbance_noise", True, _one),
+        Parameter("disturbance_noise", "Q_d", "N^2/s", "disturbance_noise", True, _guessed),
     )
 }  # fmt: skip
 """All parameters by name; of two indistinguishable ones the later is held."""
@@ -114,29 +129,31 @@ OFFSET_SHARE = 0.05
 ZERO_SHARE = 0.1
 """Default uncertainty of a position sensor's zero, set between the stops, over the clearance."""
 
+DESCRIBED = ("magnet_constant", "air_gap", "mass", "sensor_gain", "amplifier_gain")
+"""Parameters that a description states to about an e-fold."""
 
-def priors_of(model: LoopModel) -> dict[str, tuple[float, float]]:
-    """Return the priors of parameters: value and standard deviation [SI]."""
+
+def priors_of(model: LoopModel, free: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Return priors: value and standard deviation [SI], log-normal for a positive parameter."""
     # Some may not be determined by a record. An unknown disturbance replaces the balance of magnet
     # force and weight, and with it the current's offset: two stiffnesses remain for magnet
     # constant, gap and offset, and the gap changes by metres per ampere. The zero of the position
     # enters only by the curvature of the law, on a ridge with gap and constant that leads beyond
-    # the stops. And at one position the dependence of the noise on the position is invisible. If
-    # one of them were taken as known, the errors of all others would be too small.
+    # the stops. Without excitation gap and constant themselves have a ridge, along which a search
+    # ended at gaps of metres. And at one position the dependence of the noise on the position is
+    # invisible. If one of them were taken as known, the errors of all others would be too small.
     b = model.isolated
-    return {
+    priors = {p.name: (p.of(model),) * 2 for p in named(free) if p.name in DESCRIBED} | {
         "position_offset": (model.position_offset, ZERO_SHARE * b.clearance),
         "current_offset": (model.current_offset, OFFSET_SHARE * b.magnet.bias_current),
         "position_noise": (b.sensor.position_noise, 1 / b.clearance),
-    } | dict(model.known)
+    }
+    return {name: prior for name, prior in (priors | dict(model.known)).items() if name in free}
 
 
 def log_prior(model: LoopModel) -> float:
     """Return the log prior density of a model's parameters, up to a constant."""
-    return sum(
-        -0.5 * ((PARAMETERS[name].of(model) - value) / std) ** 2
-        for name, (value, std) in model.known.items()
-    )
+    return sum(-0.5 * PARAMETERS[name].from_prior(model) ** 2 for name in model.known)
 
 
 def named(names: Sequence[str]) -> list[Parameter]:

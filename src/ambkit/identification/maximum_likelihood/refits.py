@@ -65,11 +65,11 @@ class Departure:
         ]
 
 
-def implausible(model: LoopModel) -> Iterator[str]:
+def implausible(model: LoopModel, clearance: float) -> Iterator[str]:
     """Yield implausible offsets of a log, in sentences."""
     b = model.isolated
-    if abs(model.position_offset) > FAR_OFFSET * b.clearance:
-        offset, room = (engineering(v, "m", 2) for v in (model.position_offset, b.clearance))
+    if abs(model.position_offset) > FAR_OFFSET * clearance:
+        offset, room = (engineering(v, "m", 2) for v in (model.position_offset, clearance))
         yield (
             f"The position offset of {offset} is implausible at a clearance of {room}: the force "
             "law is not that of the machine, or the zero of y is elsewhere."

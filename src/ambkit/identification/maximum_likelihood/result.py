@@ -17,6 +17,7 @@ from ambkit.identification.maximum_likelihood.current_state import CurrentState
 from ambkit.identification.maximum_likelihood.figures import correlation_figure, estimates_figure
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import (
+    DESCRIBED,
     OFFSETS,
     Coordinates,
     Parameter,
@@ -33,7 +34,6 @@ from ambkit.result.row import Row, Section, put
 
 MOSTLY = 0.95  #: Share of the information above which a prior is not reported.
 TOGETHER = 0.9  #: Correlation above which two parameters are only determined jointly.
-DESCRIBED = ("magnet_constant", "air_gap", "mass", "sensor_gain", "amplifier_gain")
 FAR = 3.0  #: Ratio to the description beyond which it is probably another machine.
 CONFIDENCE = 1.959964  #: Standard errors on either side that contain 95 %.
 

@@ -136,32 +136,29 @@ def fix(
     parameter: Parameter,
     rest: list[Parameter],
     initial_model: LoopModel,
-    ran_from: LoopModel | None,
-    fallback: LoopModel | None = None,
+    first: LoopModel,
+    *,
+    strayed: bool,
 ) -> tuple[LoopModel, str]:
     """Return the model with a parameter at the user's value, and that value in words."""
     # The value from the search means little. But if the given value is far less likely, for any
     # other parameters, such as a noise that is nearly zero, the found value remains; a lag only if
     # the given one is rejected, as in `not_needed`. Not so for one that diverged, along a ridge or
-    # to a limit: it is reset in any case, and the rest is also searched from `ran_from`, the start
-    # of this search.
+    # to a limit: it is reset in any case, and the rest is also searched from `first`, where the
+    # search began: the likelihood has another maximum, where noise explains all motion.
     value = parameter.of(initial_model)
     try:
         model = _with(result.model, parameter, value, rest)
     except ConfigError:  # the search ended where no rotor levitates with this value
-        if fallback is None:
-            raise
-        model = ran_from = fallback.replace(**{parameter.place: value})
+        model, strayed = first.replace(**{parameter.place: value}), True
     if rest:
-        begins = [model]
-        if ran_from is not None:
-            begins.append(ran_from.replace(**{parameter.place: value}))
+        begins = [model, *(first.replace(**{parameter.place: value}) for _ in range(strayed))]
         maximised = max(
             (maximise(data, begin, rest) for begin in begins), key=lambda one: one.value
         )
         loss = RULED_OUT if parameter.name in LAGS else MUCH_LESS_LIKELY
         likely = maximised.value > result.value - loss
-        model = maximised.model if likely or ran_from is not None else result.model
+        model = maximised.model if likely or strayed else result.model
     if model is result.model:
         why = f"because the initial {parameter.text(initial_model)} is far less likely"
         return model, f"{parameter.text(model)}, {why}"

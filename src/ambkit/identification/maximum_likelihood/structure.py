@@ -125,7 +125,7 @@ def examine(result: MaximumLikelihood, records: Sequence[Record]) -> Structure:
         begins = [one.replace(known=free) for one in (start, model)]
         freed = [maximise(data, begin, list(result.parameters)) for begin in begins]
         model = max(freed, key=lambda one: one.value).model
-    remarks = list(implausible(model.replace(rotor__clearance=result.model.isolated.clearance)))
+    remarks = list(implausible(model, result.model.isolated.clearance))
     noise = math.sqrt(model.isolated.sensor.noise_variance)
     if max(float(np.std(Motion.of(model, record).x)) for record in records) < noise:
         return Structure(remarks=remarks)
