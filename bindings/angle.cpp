@@ -31,7 +31,7 @@ Named run_angle(const nb::dict &arguments, const Vector &readings)
   auto *mean = out.add<amb_real>("mean", {n, 3});
   auto *variance = out.add<amb_real>("variance", {n});
   auto *speed_variance = out.add<amb_real>("speed_variance", {n});
-  auto *rotation = out.add<amb_real>("rotation", {n, 8});
+  auto *rotation = out.add<amb_real>("rotation", {n, 11});
   auto *status = out.add<unsigned char>("status", {n});
   {
     nb::gil_scoped_release release;
@@ -48,8 +48,11 @@ Named run_angle(const nb::dict &arguments, const Vector &readings)
                               at.change,
                               amb_real(at.lost ? 1 : 0),
                               amb_real(at.afresh ? 1 : 0),
+                              at.growth,
+                              at.prior,
+                              at.estimate,
                               at.now};
-      std::copy_n(row, 8, rotation + 8 * k);
+      std::copy_n(row, 11, rotation + 11 * k);
       std::copy_n(state.mean, 3, mean + 3 * k);
       variance[k] = amb_angle_variance(&set, &state);
       speed_variance[k] = amb_angle_speed_variance(&set, &state);

@@ -18,7 +18,7 @@ extern "C" {
 }
 
 // Information on the rotation at a sample: the fields of amb_rotation, and the speed there.
-constexpr size_t ROTATION_FIELDS = 8;
+constexpr size_t ROTATION_FIELDS = 11;
 
 // The model of a machine (ambkit/model.h); in the build for any model with its arrays.
 struct Model {

@@ -155,7 +155,8 @@ void Model::synchronous(const nb::dict &arguments)
 amb_real Model::by(amb_kalman &kf, amb_kalman_state &state, const amb_real fields[])
 {
   const amb_rotation rotation = {fields[0], fields[1],     fields[2],     fields[3],
-                                 fields[4], fields[5] > 0, fields[6] > 0, fields[7]};
+                                 fields[4], fields[5] > 0, fields[6] > 0, fields[7],
+                                 fields[8], fields[9],     fields[10]};
   return amb_rotate(&turning, &error, &kf, &state, numbers.data(), &direction, &rotation);
 }
 

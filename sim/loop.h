@@ -23,7 +23,7 @@ typedef struct amb_own {
 
 /* Information on the rotation at a sample: the fields of amb_rotation for the previous interval
  * (ambkit/turning.h), and the speed at its end. */
-#define AMB_ROTATION_FIELDS 8
+#define AMB_ROTATION_FIELDS 11
 
 typedef struct amb_loop {
   amb_plant plant;

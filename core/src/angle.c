@@ -69,6 +69,7 @@ static void begin(const amb_angle_settings *set, amb_angle_state *s, amb_real sp
   }
   s->mean[0] = wrapped(s->mean[0], TURN);
   s->mean[1] = speed;
+  s->restarted = true;
   s->mean[2] = AMB_C(0.0);
   s->cov[0] = square(TURN);
   s->cov[3] = variance;
@@ -187,6 +188,7 @@ static void acquire(const amb_angle_settings *set, amb_angle_state *s, amb_real 
     const amb_real half = between / AMB_C(2.0);
     const amb_real pace = distance_of(set) / between;
     const amb_real drift = half * s->mean[2];
+    s->restarted = true;
     s->mean[1] = (marks_between(set, s, predicted, pace, drift) * pace) + drift;
     P[1] = R / between;
     P[3] = ((AMB_C(2.0) * R) / square(between)) + (square(half) * P[5]) +
@@ -204,6 +206,18 @@ static bool follows(const amb_angle_settings *set, const amb_angle_state *s, amb
   const amb_real marks = amb_magnitude(s->moved - (age * s->mean[1])) / distance_of(set);
   return (set->sensor != AMB_ANGLE_PULSES) || !s->marked ||
          ((marks > AMB_C(0.5)) && (marks < AMB_C(1.5)));
+}
+
+/* The acceleration has changed: the marks are right, but angle and speed are off by as much as the
+ * innovation `between` two pulses shows. */
+static void widen(const amb_angle_settings *set, amb_angle_state *s, amb_real innovation,
+                  amb_real between)
+{
+  s->cov[0] += square(innovation);
+  s->cov[3] += square(innovation / between);
+  s->cov[5] += square(AMB_C(3.0) * set->acceleration);
+  s->outliers = 0U;
+  s->restarted = true;
 }
 
 /* Update with an angle modulo the distance, measured `age` ago. */
@@ -234,6 +248,12 @@ static unsigned int take_angle(const amb_angle_settings *set, amb_angle_state *s
     }
     return near ? 0U : AMB_ANGLE_OUTLIER;
   }
+  if (next && (s->since > age) && sure(set, square(innovation))) {
+    widen(set, s, innovation, s->since - age);
+    const amb_real wider = innovation_terms(s, H, PH);
+    correct(s, H, PH, wider, R, innovation);
+    return AMB_ANGLE_RESTARTED;
+  }
   begin(set, s, s->mean[1], square(set->max_speed));
   acquire(set, s, age, R, innovation);
   return AMB_ANGLE_RESTARTED;
@@ -262,12 +282,12 @@ static unsigned int take_speed(const amb_angle_settings *set, amb_angle_state *s
   return flags;
 }
 
-/* Pulses are missing for longer than predicted: the rotor is slower than one mark in that time, or
- * at standstill. */
+/* Pulses are missing for longer than predicted, those that were outliers included: the rotor is
+ * slower than one mark in that time, or at standstill. */
 static bool stays_away(const amb_angle_settings *set, const amb_angle_state *s)
 {
   return (set->sensor == AMB_ANGLE_PULSES) &&
-         (amb_magnitude(s->moved) > (MISSED * distance_of(set)));
+         (amb_magnitude(s->moved) > ((MISSED + (amb_real)s->outliers) * distance_of(set)));
 }
 
 static unsigned int take(const amb_angle_settings *set, amb_angle_state *s, amb_real reading)
@@ -307,6 +327,7 @@ unsigned int amb_angle_step(const amb_angle_settings *set, amb_angle_state *stat
   unsigned int flags = 0U;
   predict(set, state, set->T);
   state->predicted = state->cov[3];
+  state->restarted = false;
   state->since += set->T;
   state->moved += state->mean[0] - before;
   if (amb_is_finite(reading)) {
@@ -372,6 +393,9 @@ unsigned int amb_angle_follow(const amb_angle_settings *set, amb_angle_state *st
   rotation->kept = (lost || afresh) ? AMB_C(0.0) : (both / (known + hidden));
   rotation->noise = amb_at_least(variance - (rotation->kept * both), AMB_C(0.0));
   rotation->change = rotation->noise + (square(AMB_C(1.0) - rotation->kept) * (known + hidden));
+  rotation->growth = amb_at_least(state->predicted - known, AMB_C(0.0));
+  rotation->prior = state->restarted ? (state->predicted + hidden) : AMB_C(0.0);
+  rotation->estimate = state->mean[1];
   rotation->lost = lost;
   rotation->afresh = afresh;
   rotation->now = ((flags & AMB_ANGLE_LOST) != 0U) ? AMB_C(0.0) : state->mean[1];

@@ -202,7 +202,8 @@ static amb_real square_of(const amb_real z[2])
 /* Restarts the sums of the corrections. */
 static void restart_sums(amb_direction *direction)
 {
-  const amb_direction anew = {.mirrored = direction->mirrored,
+  const amb_direction anew = {.held = direction->held,
+                              .mirrored = direction->mirrored,
                               .abandoned = direction->abandoned,
                               .phase = {AMB_C(1.0), AMB_C(0.0)}};
   *direction = anew;
@@ -227,7 +228,8 @@ static amb_real sum_of(const amb_speed_error *error, const amb_model *model,
   return sum;
 }
 
-/* Adds the last measurement's correction of the pairs to the sums. */
+/* Adds the direction of the last correction of the pairs to the sums, weighted by the effect of the
+ * pairs, which grows with the square of the speed for unbalance. */
 static void watch(const amb_speed_error *error, const amb_model *model, const amb_real mean[],
                   amb_direction *direction)
 {
@@ -237,13 +239,16 @@ static void watch(const amb_speed_error *error, const amb_model *model, const am
   const amb_real size = amb_root(square_of(z));
   if ((size > AMB_C(0.0)) && (direction->passed > TURN)) { /* a pair is known after a revolution */
     const amb_real kept = AMB_C(1.0) - amb_at_most(direction->angle / (TURNS * TURN), AMB_C(1.0));
-    const amb_real c[2] = {(z[0] * p[0]) / size, (z[1] * p[0]) / size};
-    const amb_real s[2] = {(z[0] * p[1]) / size, (z[1] * p[1]) / size};
+    const bool force = error->pair[0].power > AMB_C(0.0);
+    const amb_real w = force ? (direction->angle * direction->angle) : AMB_C(1.0);
+    const amb_real c[2] = {((w * z[0]) * p[0]) / size, ((w * z[1]) * p[0]) / size};
+    const amb_real s[2] = {((w * z[0]) * p[1]) / size, ((w * z[1]) * p[1]) / size};
+    direction->weight = (kept * direction->weight) + w;
     direction->back[0] = (kept * direction->back[0]) + (c[0] - s[1]);
     direction->back[1] = (kept * direction->back[1]) + (c[1] + s[0]);
     direction->forth[0] = (kept * direction->forth[0]) + (c[0] + s[1]);
     direction->forth[1] = (kept * direction->forth[1]) + (c[1] - s[0]);
-    direction->by_chance = ((kept * kept) * direction->by_chance) + AMB_C(1.0);
+    direction->by_chance = ((kept * kept) * direction->by_chance) + (w * w);
   }
 }
 
@@ -252,7 +257,7 @@ static void watch(const amb_speed_error *error, const amb_model *model, const am
 static bool is_reversed(amb_direction *direction)
 {
   const amb_real square = square_of(direction->back);
-  const amb_real share = square / (direction->by_chance * direction->by_chance);
+  const amb_real share = square / (direction->weight * direction->weight);
   const bool back = (square > (CHANCE * direction->by_chance)) &&
                     (square > (CLEAR * square_of(direction->forth))) &&
                     (share > direction->abandoned);
@@ -303,8 +308,80 @@ static amb_rotation directed(const amb_speed_error *error, const amb_kalman *kf,
     at.speed = -at.speed;
     at.acceleration = -at.acceleration;
     at.now = -at.now;
+    at.estimate = -at.estimate;
   }
   return at;
+}
+
+/* Whether the phase of any pair is known to half a radian. */
+static bool is_phase_known(const amb_model *model, const amb_speed_error *error,
+                           const amb_kalman_state *state)
+{
+  const int n = amb_states(model);
+  bool known = false;
+  for (int k = 0; k < error->pairs; k++) {
+    const int i = error->pair[k].state;
+    const amb_real x = state->mean[i];
+    const amb_real y = state->mean[i + 1];
+    const amb_real across = ((x * x) * state->cov[amb_entry(n, i + 1, i + 1)]) -
+                            (((AMB_C(2.0) * x) * y) * state->cov[amb_entry(n, i, i + 1)]) +
+                            ((y * y) * state->cov[amb_entry(n, i, i)]);
+    const amb_real square = (x * x) + (y * y);
+    known = known || ((AMB_C(4.0) * across) < (square * square));
+  }
+  return known;
+}
+
+/* Whether the pairs continue without the angle sensor, where it loses the angle or restarts: their
+ * phase was known after some revolutions, and has been since. */
+static bool continues(const amb_speed_error *error, const amb_kalman *kf,
+                      const amb_kalman_state *state, const amb_rotation *rotation,
+                      amb_direction *direction)
+{
+  const bool follows = !rotation->lost && !rotation->afresh && !(rotation->prior > AMB_C(0.0));
+  const bool settled = direction->passed > (SIZED * TURN);
+  direction->held = follows ? (direction->held || settled)
+                            : (direction->held && is_phase_known(&kf->model, error, state));
+  return direction->held && !follows;
+}
+
+/* Twice the log-likelihood ratio that reverses the direction at a restart. */
+#define REVERSED AMB_C(18.0)
+
+/* The speed error for a rotation whose pairs continue. Readings of the position gave the speed
+ * `seen` with information J; at a restart it is fused with the new speed of the angle filter, in
+ * the direction that fits better. Returns the error for which the transition gives the fused one.
+ */
+static amb_real continued(const amb_kalman_state *state, int n, int at, amb_real T, bool watched,
+                          amb_rotation *by, amb_direction *direction)
+{
+  const amb_real P = state->cov[amb_entry(n, at, at)];
+  const amb_real error = state->mean[at];
+  const amb_real V = by->noise + ((by->kept * by->kept) * (by->prior - by->growth));
+  if (!(by->prior > AMB_C(0.0))) {
+    by->kept = AMB_C(1.0);
+    by->noise = by->growth;
+    by->change = by->growth;
+    return error;
+  }
+  const amb_real J = (AMB_C(1.0) / (P + by->growth)) - (AMB_C(1.0) / by->prior);
+  if (!(J > AMB_C(0.0))) {
+    return error;
+  }
+  const amb_real predicted = by->speed + ((T / AMB_C(2.0)) * by->acceleration);
+  const amb_real seen = predicted + (error / ((P + by->growth) * J));
+  const amb_real ratio = (AMB_C(-4.0) * seen) * (by->estimate / (V + (AMB_C(1.0) / J)));
+  if (watched && (ratio > REVERSED)) {
+    by->estimate = -by->estimate;
+    by->now = -by->now;
+    direction->mirrored = !direction->mirrored;
+    restart_sums(direction);
+  }
+  const amb_real fused = AMB_C(1.0) / (J + (AMB_C(1.0) / V));
+  by->kept = fused * J;
+  by->noise = amb_at_least(fused - ((by->kept * by->kept) * P), AMB_C(0.0));
+  by->change = fused;
+  return seen - by->estimate;
 }
 
 amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_kalman *kf,
@@ -313,18 +390,28 @@ amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_
 {
   const int at = error->state;
   const bool watched = (at >= 0) && error->reverses && (error->pairs > 0);
-  const amb_rotation by = watched ? directed(error, kf, state, direction, rotation) : *rotation;
+  const bool paired = (at >= 0) && (error->pairs > 0);
+  const bool continuing = paired && continues(error, kf, state, rotation, direction);
+  amb_rotation by = *rotation;
+  by.lost = by.lost && !continuing;
+  by.afresh = by.afresh && !continuing;
+  if (watched) {
+    by = directed(error, kf, state, direction, &by);
+  }
   const amb_real known = ((at < 0) || by.lost || by.afresh) ? AMB_C(0.0) : state->mean[at];
   const amb_real speed = by.speed + known;
+  const amb_real next = (continuing && !by.afresh) ? continued(state, amb_states(&kf->model), at,
+                                                               kf->set.T, watched, &by, direction)
+                                                   : known;
   amb_turning_to(nodes, speed, by.acceleration, numbers);
   if ((at >= 0) && !watched) {
-    note_size(&kf->model, error, state, rotation, kf->set.T, direction);
+    note_size(&kf->model, error, state, &by, kf->set.T, direction);
   }
   amb_real *own = (at < 0) ? NULL : entry(&kf->model, numbers, at, at);
   if (own != NULL) {
     *own = by.kept;
     kf->set.var_d[error->noise] = by.noise;
-    state->mean[at] = known;
+    state->mean[at] = next;
     force_states(&kf->model, error, numbers, state->mean,
                  by.lost ? AMB_C(0.0) : share_of(speed, by.acceleration));
     for (int k = 0; k < error->pairs; k++) {

@@ -50,7 +50,7 @@ class AngleEstimate:
         Of the angle [rad^2] and of the speed [rad^2/s^2].
     status : ndarray of uint8 (n,)
         Flags of :class:`AngleStatus` [1].
-    rotation : ndarray (n, 8)
+    rotation : ndarray (n, 11)
         Information for a filter, the fields of ``amb_rotation`` in ``core/include/ambkit/angle.h``
         [their SI units].
 
