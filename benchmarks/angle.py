@@ -4,8 +4,9 @@
 
 Each machine has an unbalance of a tenth of its weight at service speed and 3 um of runout. It is
 flown at service speed, run up to it from a tenth, and from it through zero to as much backwards,
-with each sensor of the angle; by pulses, which do not tell the direction, backwards from the start
-too, and to a standstill of 0.8 s and on. All runs once more on the same noise with neither
+with each sensor of the angle; by pulses, which do not show the direction, backwards from the start
+too, to a standstill of 0.8 s and on, and to a stop of 0.1 s and on with a quarter of the usual
+acceleration stated. All runs once more on the same noise with neither
 unbalance nor runout. Of each run: whether each unbalance is within three of its stated errors at
 the end, in the rotor's frame (of a speed signal, which knows no mark, in that of the sensors); the
 root mean square error of the disturbance forces over that of the run without unbalance, once by a
@@ -43,11 +44,12 @@ SENSORS: dict[str, dict[str, Any]] = {
     "encoder of 1024 steps": {"type": "encoder", "per_turn": 1024},
 }
 SERVICE = {"tum_mlps": 6000.0, "ufu_rig": 3000.0, "compressor": 9000.0}  #: [rpm]
-BOTH_WAYS = ("through zero", "backwards", "standstill")
+BOTH_WAYS = ("through zero", "backwards", "standstill", "stop")
 DRAWN = 8000.0  #: The same of a random machine.
 LATE = 0.5e-3  #: Of a speed signal whose latency is not known [s].
 DURATION = 2.0
-STOPS = (0.0, 0.8, 1.6, 2.4, 3.2)  #: Speed of the standstill: down, at rest, up, steady [s].
+RAMP = 0.8  #: Down to a rest, up, and steady [s].
+RESTS = {"standstill": 0.8, "stop": 0.1}  #: [s].
 SETTLED = 0.5  #: Judged from here on [s].
 
 
@@ -102,14 +104,15 @@ def flights(machine: Machine, seed: int) -> dict[str, Scenario]:
         "run-up": Constant(value=0.1 * service) + Ramp(slope=0.9 * service / DURATION),
         "through zero": Constant(value=service) + Ramp(slope=-2 * service / DURATION),
         "backwards": Constant(value=-service),
-        "standstill": Recorded(times=STOPS, values=(service, 0.0, 0.0, service, service)),
     }
-    return {
-        name: Scenario(
-            duration=STOPS[-1] if name == "standstill" else DURATION, seed=seed, speed=speed
-        )
-        for name, speed in ramp.items()
+    result = {
+        name: Scenario(duration=DURATION, seed=seed, speed=speed) for name, speed in ramp.items()
     }
+    for name, rest in RESTS.items():
+        times = tuple(float(t) for t in np.cumsum([0.0, RAMP, rest, RAMP, RAMP]))
+        speed = Recorded(times=times, values=(service, 0.0, 0.0, service, service))
+        result[name] = Scenario(duration=times[-1], seed=seed, speed=speed)
+    return result
 
 
 def measured_speed(machine: Machine, record: Record) -> np.ndarray:
@@ -177,7 +180,7 @@ def flown(name: str, sensor: dict[str, Any], flight: str, seed: int) -> Turned:
     """Return what a run gives."""
     reverses = {"reverses": True} if flight in BOTH_WAYS else {}
     service = SERVICE.get(name, DRAWN) * math.pi / 30
-    usual = service / STOPS[1] if flight == "standstill" else service / (2 * DURATION)
+    usual = service / {"standstill": RAMP, "stop": 4 * RAMP}.get(flight, 2 * DURATION)
     dirty, _ = machines(name, sensor | reverses | {"acceleration": usual}, seed)
     late = {"latency": LATE, "latency_error": 0.0} if "latency_error" in sensor else {}
     assert dirty.angle is not None

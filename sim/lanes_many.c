@@ -18,26 +18,27 @@ typedef struct lanes_pattern {
 
 static const lanes_pattern axis = {1, 1, 3, true};
 
-typedef struct lanes_going {
+typedef struct lanes_substep_constants {
   lanes h, half, sixth, g[1], per_mass, per_lag, K, travel, iu;
   lanes_law law;
-} lanes_going;
+} lanes_substep_constants;
 
-AMB_INLINE lanes lanes_reachable(const lanes_pattern *p, const lanes_going *of, lanes x, int k)
+AMB_INLINE lanes lanes_reachable(const lanes_pattern *p, const lanes_substep_constants *of, lanes x,
+                                 int k)
 {
   (void)p, (void)k;
   return lanes_clamp(x, -of->travel, of->travel);
 }
 
-AMB_INLINE lanes lanes_driven(const lanes_pattern *p, const lanes_going *of, lanes start, lanes by,
-                              const lanes F[], int k)
+AMB_INLINE lanes lanes_driven(const lanes_pattern *p, const lanes_substep_constants *of,
+                              lanes start, lanes by, const lanes F[], int k)
 {
   (void)p, (void)k;
   return start + by * of->per_mass * F[0];
 }
 
-AMB_INLINE void lanes_stage(const lanes_pattern *p, const lanes_going *of, const lanes X[],
-                            int stage, lanes F[], lanes d[])
+AMB_INLINE void lanes_stage(const lanes_pattern *p, const lanes_substep_constants *of,
+                            const lanes X[], int stage, lanes F[], lanes d[])
 {
   (void)p, (void)stage;
   F[0] = lanes_law_force(&of->law, of->iu, X[0]);
@@ -46,7 +47,7 @@ AMB_INLINE void lanes_stage(const lanes_pattern *p, const lanes_going *of, const
 
 #define amb_real lanes
 #define amb_pattern lanes_pattern
-#define amb_going lanes_going
+#define amb_substep_constants lanes_substep_constants
 #define amb_reachable lanes_reachable
 #define amb_driven lanes_driven
 #define amb_stage lanes_stage
@@ -80,7 +81,7 @@ typedef struct lanes_pid_state {
 } lanes_pid_state;
 
 typedef struct loops {
-  lanes_going of;
+  lanes_substep_constants of;
   lanes m, f_0, k_ui, iu_min, iu_max;
   lanes X[3];
   lanes_pid pid;
@@ -180,7 +181,7 @@ AMB_INLINE lanes_mask stop(lanes travel, lanes X[])
 /* act() of loop.c, then the plant over one sample. */
 AMB_INLINE lanes_mask act(loops *l, lanes iu, lanes f_d)
 {
-  lanes_going of = l->of;
+  lanes_substep_constants of = l->of;
   lanes X[3] = {lanes_clamp(l->X[0], -of.travel, of.travel), l->X[1], l->X[2]};
   lanes_mask touched = iu != iu;
   touched &= ~touched;

@@ -5,7 +5,7 @@
 /* ---- One substep ---- */
 
 /* Hard stop: an isolated axis stays at the end of its clearance. Returns true if it is touched. */
-AMB_INLINE bool stop(const amb_pattern *p, const amb_going *of, amb_real X[])
+AMB_INLINE bool stop(const amb_pattern *p, const amb_substep_constants *of, amb_real X[])
 {
   bool touched = false;
   for (int k = 0; p->own && (k < p->positions); k++) {
@@ -21,10 +21,10 @@ AMB_INLINE bool stop(const amb_pattern *p, const amb_going *of, amb_real X[])
   return touched;
 }
 
-static amb_turned turned(const amb_going *of, amb_real t)
+static amb_rotor_angle turned(const amb_substep_constants *of, amb_real t)
 {
-  const amb_turned *at = &of->at_sample;
-  amb_turned now = {at->speed + of->growth * t, at->cosine, at->sine};
+  const amb_rotor_angle *at = &of->at_sample;
+  amb_rotor_angle now = {at->speed + of->growth * t, at->cosine, at->sine};
   if (of->turning) {
     amb_real c, d;
     amb_parts_turn((at->speed + of->growth * t / 2) * t, &c, &d);
@@ -34,7 +34,7 @@ static amb_turned turned(const amb_going *of, amb_real t)
   return now;
 }
 
-AMB_INLINE void of_length(amb_going *of, amb_real h)
+AMB_INLINE void of_length(amb_substep_constants *of, amb_real h)
 {
   of->h = h;
   of->half = h / 2;
@@ -42,7 +42,8 @@ AMB_INLINE void of_length(amb_going *of, amb_real h)
 }
 
 /* Substep of length h, starting t after the sample. Returns whether a stage was in a soft stop. */
-static bool step(const amb_pattern *p, amb_going *of, amb_real X[], amb_real t, amb_real h)
+static bool step(const amb_pattern *p, amb_substep_constants *of, amb_real X[], amb_real t,
+                 amb_real h)
 {
   bool met = false;
   of->met = &met;
@@ -58,7 +59,8 @@ static bool step(const amb_pattern *p, amb_going *of, amb_real X[], amb_real t, 
 }
 
 /* Upper bound of the acceleration of position k. */
-static amb_real strength(const amb_going *of, const amb_real X[], const amb_real F[], int k)
+static amb_real strength(const amb_substep_constants *of, const amb_real X[], const amb_real F[],
+                         int k)
 {
   const amb_plant *plant = of->plant;
   amb_real sum = amb_magnitude(of->g[k]);
@@ -72,7 +74,7 @@ static amb_real strength(const amb_going *of, const amb_real X[], const amb_real
 }
 
 /* Whether one step and two half steps agree to half of the digits. */
-static bool agree(const amb_pattern *p, const amb_going *of, const amb_real from[],
+static bool agree(const amb_pattern *p, const amb_substep_constants *of, const amb_real from[],
                   const amb_real one[], const amb_real two[], amb_real h)
 {
   const amb_real tolerance = AMB_ROOT_EPSILON, epsilon = tolerance * tolerance;
@@ -94,7 +96,8 @@ static bool agree(const amb_pattern *p, const amb_going *of, const amb_real from
 /* A substep in contact, with an adaptive step size: halved until one step agrees with its two
  * halves. The contact force begins with the power 3/2 of the penetration, which needs small steps
  * there. */
-static void refined(const amb_pattern *p, amb_going *of, amb_real X[], amb_real t, amb_real h)
+static void refined(const amb_pattern *p, amb_substep_constants *of, amb_real X[], amb_real t,
+                    amb_real h)
 {
   int done = 0, size = AMB_FINEST;
   while (done < AMB_FINEST) {
@@ -119,7 +122,7 @@ static void refined(const amb_pattern *p, amb_going *of, amb_real X[], amb_real 
 }
 
 /* Interval with constant demand, starting t after the sample. */
-AMB_INLINE bool stretch(const amb_pattern *p, amb_going *of, amb_real X[], amb_real t,
+AMB_INLINE bool stretch(const amb_pattern *p, amb_substep_constants *of, amb_real X[], amb_real t,
                         amb_real length, int steps)
 {
   const amb_real h = length / (amb_real)steps;
@@ -156,7 +159,7 @@ static bool needs_angle(const amb_plant *plant)
 }
 
 /* Sets the constants of a sample. */
-AMB_INLINE void prepare(const amb_pattern *p, amb_going *of, const amb_plant *plant,
+AMB_INLINE void prepare(const amb_pattern *p, amb_substep_constants *of, const amb_plant *plant,
                         const amb_plant_state *state, amb_real T, const amb_acts *acts)
 {
   of->plant = plant;
@@ -176,7 +179,7 @@ AMB_INLINE void prepare(const amb_pattern *p, amb_going *of, const amb_plant *pl
   for (int r = 0; r < p->sensors; r++)
     of->per_lag[r] = 1 / plant->lag[r];
   if (!p->plain) {
-    const amb_turned now = {acts->speed, state->cosine, state->sine};
+    const amb_rotor_angle now = {acts->speed, state->cosine, state->sine};
     of->at_sample = of->turned[0] = now;
     of->growth = (acts->next - acts->speed) / T;
     of->turning =
@@ -200,9 +203,9 @@ static void delay_demand(const amb_plant *plant, amb_plant_state *state, const a
 }
 
 /* Advances the angle to the next sample, and normalises the vector against rounding. */
-static void rotate(const amb_going *of, amb_plant_state *state, amb_real T)
+static void rotate(const amb_substep_constants *of, amb_plant_state *state, amb_real T)
 {
-  const amb_turned then = turned(of, T);
+  const amb_rotor_angle then = turned(of, T);
   const amb_real right = (3 - (then.cosine * then.cosine + then.sine * then.sine)) / 2;
   state->cosine = right * then.cosine;
   state->sine = right * then.sine;
@@ -213,7 +216,7 @@ AMB_INLINE bool advance(const amb_pattern *p, const amb_plant *plant, amb_plant_
 {
   const amb_real rest = plant->delay_rest;
   amb_real X[AMB_PLANT_STATES];
-  amb_going of;
+  amb_substep_constants of;
   bool touched = false;
   prepare(p, &of, plant, state, T, acts);
   amb_copy(p->states, state->X, X);
@@ -277,7 +280,7 @@ void amb_plant_rates(const amb_plant *plant, const amb_plant_state *state, const
   const amb_pattern p = pattern_of(plant);
   const int q = p.positions;
   amb_real X[AMB_PLANT_STATES], F[AMB_PLANT_AXES];
-  amb_going of;
+  amb_substep_constants of;
   bool met = false;
   prepare(&p, &of, plant, state, 1, acts);
   of.met = &met;

@@ -7,29 +7,30 @@
 #include "plant_forces.h"
 
 /* Rotation at an instant. */
-typedef struct amb_turned {
+typedef struct amb_rotor_angle {
   amb_real speed, cosine, sine;
-} amb_turned;
+} amb_rotor_angle;
 
 /* Constants over an interval with constant demand. */
-typedef struct amb_going {
+typedef struct amb_substep_constants {
   const amb_plant *plant;
   const amb_acts *acts;
   const amb_real *demanded;
   amb_real h, half, sixth;
   amb_real g[AMB_PLANT_STATES];
   amb_real per_mass[AMB_PLANT_STATES], per_lag[AMB_SENSORS];
-  bool as_built;                   /* whether magnets have currents and their nominal force */
-  amb_real growth;                 /* angular acceleration [rad/s^2] */
-  bool turning;                    /* whether the angle is needed */
-  amb_turned at_sample, turned[3]; /* and at the stages of a substep */
-  bool *met;                       /* set if a stage is in a soft stop */
-} amb_going;
+  bool as_built;                        /* whether magnets have currents and their nominal force */
+  amb_real growth;                      /* angular acceleration [rad/s^2] */
+  bool turning;                         /* whether the angle is needed */
+  amb_rotor_angle at_sample, turned[3]; /* and at the stages of a substep */
+  bool *met;                            /* set if a stage is in a soft stop */
+} amb_substep_constants;
 
 /* ---- Amplifiers ---- */
 
 /* Rates of the currents of axis f. */
-static void flow(const amb_going *of, int f, const amb_real X[], amb_real s, amb_real d[])
+static void flow(const amb_substep_constants *of, int f, const amb_real X[], amb_real s,
+                 amb_real d[])
 {
   const amb_plant *plant = of->plant;
   const amb_parts *parts = &plant->amplifier[f];
@@ -54,21 +55,23 @@ static const amb_pattern plain_axis = {1, 1, 1, 3, true, true, false};
 static const amb_pattern axis_with_parts = {1, 1, 1, 5, true, false, false};
 
 /* A stage may be beyond a stop; magnet and sensor of an isolated axis are evaluated within it. */
-AMB_INLINE amb_real amb_reachable(const amb_pattern *p, const amb_going *of, amb_real x, int k)
+AMB_INLINE amb_real amb_reachable(const amb_pattern *p, const amb_substep_constants *of, amb_real x,
+                                  int k)
 {
   return p->own ? amb_plant_within(of->plant, k, x) : x;
 }
 
 /* `start` plus `by` times the acceleration of position k by the forces. */
-AMB_INLINE amb_real amb_driven(const amb_pattern *p, const amb_going *of, amb_real start,
-                               amb_real by, const amb_real F[], int k)
+AMB_INLINE amb_real amb_driven(const amb_pattern *p, const amb_substep_constants *of,
+                               amb_real start, amb_real by, const amb_real F[], int k)
 {
   return p->own ? start + by * of->per_mass[k] * F[k]
                 : start + by * amb_sparse_times(&of->plant->B, of->plant->B.value, k, F);
 }
 
 /* Acceleration of position k by motion and unbalance. */
-static amb_real moved(const amb_going *of, const amb_real X[], const amb_turned *now, int k)
+static amb_real moved(const amb_substep_constants *of, const amb_real X[],
+                      const amb_rotor_angle *now, int k)
 {
   const amb_plant *plant = of->plant;
   amb_real sum = 0;
@@ -84,11 +87,11 @@ static amb_real moved(const amb_going *of, const amb_real X[], const amb_turned 
 
 /* Forces F and rates d: accelerations in addition to g (not for a plain plant), and rates of the
  * first-order states. */
-AMB_INLINE void amb_stage(const amb_pattern *p, const amb_going *of, const amb_real X[], int stage,
-                          amb_real F[], amb_real d[])
+AMB_INLINE void amb_stage(const amb_pattern *p, const amb_substep_constants *of, const amb_real X[],
+                          int stage, amb_real F[], amb_real d[])
 {
   const amb_plant *plant = of->plant;
-  const amb_turned *now = &of->turned[stage];
+  const amb_rotor_angle *now = &of->turned[stage];
   const int q = p->positions;
   amb_real s[AMB_PLANT_AXES];
   for (int j = 2 * q + p->sensors; j < p->states; j++)

@@ -1,7 +1,7 @@
 /* The plant over one substep, one text for every pattern. No include guard: it is compiled for
  * numbers (plant.c: unrolled for an isolated axis, and in loops) and for lanes (lanes_many.c),
- * which define amb_real, amb_going, amb_stage, amb_driven and amb_reachable. With a constant
- * pattern the loops are unrolled and unused parts removed.
+ * which define amb_real, amb_substep_constants, amb_stage, amb_driven and amb_reachable. With a
+ * constant pattern the loops are unrolled and unused parts removed.
  *
  * X: positions, velocities, then first-order states (readings, currents). Stage 0 is at the start
  * of a substep, 1 in its middle, 2 at its end.
@@ -13,7 +13,7 @@
  * the chain of dependent operations, which determines the time. Terms that depend on velocities
  * need these stages; a plain plant has none.
  */
-AMB_INLINE void amb_substep(const amb_pattern *p, const amb_going *of, amb_real X[])
+AMB_INLINE void amb_substep(const amb_pattern *p, const amb_substep_constants *of, amb_real X[])
 {
   const amb_real h = of->h, half = of->half, sixth = of->sixth;
   const int q = p->positions, n = p->states;

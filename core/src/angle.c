@@ -26,9 +26,8 @@ static amb_real wrapped(amb_real angle, amb_real distance)
 {
   const amb_real turns = angle / distance;
   const amb_real half = (turns < AMB_C(0.0)) ? AMB_C(-0.5) : AMB_C(0.5);
-  const amb_real most = AMB_C(1e9);
-  return AMB_WITHIN(turns, most) ? (angle - (distance * (amb_real)(long)(turns + half)))
-                                 : AMB_C(0.0);
+  return AMB_WITHIN(turns, AMB_C(1e9)) ? (angle - (distance * (amb_real)(long)(turns + half)))
+                                       : AMB_C(0.0);
 }
 
 static amb_real jerk(const amb_angle_settings *set)
@@ -224,9 +223,9 @@ static void widen(const amb_angle_settings *set, amb_angle_state *s, amb_real in
 static unsigned int take_angle(const amb_angle_settings *set, amb_angle_state *s, amb_real angle,
                                amb_real age)
 {
-  const amb_real steps = TURN / set->per_turn;
-  const amb_real rounding =
-      (set->sensor == AMB_ANGLE_ENCODER) ? (square(steps) / AMB_C(12.0)) : AMB_C(0.0);
+  const amb_real rounding = (set->sensor == AMB_ANGLE_ENCODER)
+                                ? (square(TURN / set->per_turn) / AMB_C(12.0))
+                                : AMB_C(0.0);
   const amb_real within = square(square(age)) * (age / AMB_C(20.0));
   const amb_real R = square(set->noise) + rounding + (jerk(set) * within);
   const amb_real H[3] = {AMB_C(1.0), -age, (age * age) / AMB_C(2.0)};
@@ -267,23 +266,21 @@ static unsigned int take_speed(const amb_angle_settings *set, amb_angle_state *s
   amb_real PH[3];
   const amb_real S = innovation_terms(s, H, PH);
   const amb_real innovation = speed - (s->mean[1] - (age * s->mean[2]));
-  unsigned int flags = 0U;
-  if (square(innovation) > ((GATE * GATE) * (S + R))) {
-    s->outliers++;
-    if (s->outliers < OUTLIERS) {
-      return AMB_ANGLE_OUTLIER;
-    }
-    begin(set, s, speed, R);
-    flags = AMB_ANGLE_RESTARTED;
-  } else {
+  if (square(innovation) <= ((GATE * GATE) * (S + R))) {
     correct(s, H, PH, S, R, innovation);
+    s->outliers = 0U;
+    return 0U;
   }
-  s->outliers = 0U;
-  return flags;
+  s->outliers++;
+  if (s->outliers < OUTLIERS) {
+    return AMB_ANGLE_OUTLIER;
+  }
+  begin(set, s, speed, R);
+  return AMB_ANGLE_RESTARTED;
 }
 
-/* Pulses are missing for longer than predicted, those that were outliers included: the rotor is
- * slower than one mark in that time, or at standstill. */
+/* Pulses are missing for longer than predicted, apart from outliers: the rotor is slower than one
+ * mark in that time, or at standstill. */
 static bool stays_away(const amb_angle_settings *set, const amb_angle_state *s)
 {
   return (set->sensor == AMB_ANGLE_PULSES) &&

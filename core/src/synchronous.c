@@ -3,22 +3,10 @@
 #if defined(AMB_MODEL_LOOPS)
 
 #include "ambkit/root.h"
-#include "ambkit/turning.h"
+#include "synchronous.h"
 
 /* Synchronous states, pairs of a cosine and a sine component, of a rotor whose angle is estimated:
- * the effects of the speed error, restarts after a lost angle, and the direction of rotation. */
-
-/* An entry of L, whose values come first in the model's numbers; NULL: not in its pattern. */
-static amb_real *entry(const amb_model *model, amb_real numbers[], int row, int column)
-{
-  amb_real *result = NULL;
-  for (int k = model->L.start[row]; k < (int)model->L.start[row + 1]; k++) {
-    if ((int)model->L.column[k] == column) {
-      result = &numbers[k];
-    }
-  }
-  return result;
-}
+ * the effects of the speed error, and restarts after a lost angle. */
 
 /* Makes a state independent of all previous states. */
 static void clear_row(const amb_model *model, amb_real numbers[], int row)
@@ -33,7 +21,8 @@ static void clear_row(const amb_model *model, amb_real numbers[], int row)
 static void rotate_pair(const amb_model *model, amb_real numbers[], amb_real mean[], int i,
                         amb_real angle_by_error, int at)
 {
-  amb_real *by_error[2] = {entry(model, numbers, i, at), entry(model, numbers, i + 1, at)};
+  amb_real *by_error[2] = {amb_transition_entry(model, numbers, i, at),
+                           amb_transition_entry(model, numbers, i + 1, at)};
   if ((by_error[0] == NULL) || (by_error[1] == NULL)) {
     return;
   }
@@ -66,7 +55,7 @@ static amb_real force_by_error(const amb_model *model, const amb_speed_error *er
   for (int k = 0; k < error->pairs; k++) {
     const amb_synchronous *pair = &error->pair[k];
     for (int j = pair->state; (j < (pair->state + 2)) && (pair->power > AMB_C(0.0)); j++) {
-      const amb_real *value = entry(model, numbers, i, j);
+      const amb_real *value = amb_transition_entry(model, numbers, i, j);
       sum += (value == NULL) ? AMB_C(0.0) : (pair->power * (*value * mean[j]));
     }
   }
@@ -81,7 +70,7 @@ static void force_states(const amb_model *model, const amb_speed_error *error, a
   const int at = error->state;
   for (int i = 0; i < amb_states(model); i++) {
     const amb_role role = amb_model_role(model, i);
-    amb_real *by_error = entry(model, numbers, i, at);
+    amb_real *by_error = amb_transition_entry(model, numbers, i, at);
     if ((by_error != NULL) && ((role == AMB_POSITION) || (role == AMB_VELOCITY))) {
       *by_error = force_by_error(model, error, numbers, mean, i, share);
       mean[i] -= *by_error * mean[at];
@@ -123,8 +112,6 @@ static void follow(const amb_synchronous *pair, const amb_speed_error *error, am
   }
 }
 
-#define TURN AMB_C(6.283185307179586)
-
 /* Revolutions after which the size of a pair is known. */
 #define SIZED AMB_C(8.0)
 
@@ -156,7 +143,7 @@ static void note_size(const amb_model *model, const amb_speed_error *error,
                       amb_direction *direction)
 {
   const bool begins = rotation->lost || rotation->afresh || !(direction->passed >= AMB_C(0.0));
-  if (rotation->lost && (direction->passed > (SIZED * TURN))) {
+  if (rotation->lost && (direction->passed > (SIZED * AMB_REVOLUTION))) {
     size_of(model, error, state, direction->size);
   }
   direction->passed =
@@ -188,131 +175,6 @@ static void widen(const amb_model *model, const amb_speed_error *error, const am
   }
 }
 
-/* Memory of the corrections in revolutions; and thresholds of their backward sum, relative to its
- * variance by noise and to the forward sum. */
-#define TURNS AMB_C(32.0)
-#define CHANCE AMB_C(12.0)
-#define CLEAR AMB_C(4.0)
-
-static amb_real square_of(const amb_real z[2])
-{
-  return (z[0] * z[0]) + (z[1] * z[1]);
-}
-
-/* Restarts the sums of the corrections. */
-static void restart_sums(amb_direction *direction)
-{
-  const amb_direction anew = {.held = direction->held,
-                              .mirrored = direction->mirrored,
-                              .abandoned = direction->abandoned,
-                              .phase = {AMB_C(1.0), AMB_C(0.0)}};
-  *direction = anew;
-}
-
-/* Sum over the pairs of first order of their cosine (i = 0) or sine (1) components, each relative
- * to its initial standard deviation; with `numbers` that at the next sample. If there is unbalance,
- * runout is left out: a reading corrects both in opposite directions, and the sum may cancel. */
-static amb_real sum_of(const amb_speed_error *error, const amb_model *model,
-                       const amb_real numbers[], const amb_real mean[], int i)
-{
-  amb_real sum = AMB_C(0.0);
-  for (int k = 0; k < error->pairs; k++) {
-    const int at = error->pair[k].state + i;
-    const bool first = !(error->pair[k].power < error->pair[0].power);
-    if (first && (error->pair[k].order < AMB_C(1.5))) {
-      const amb_real value =
-          (numbers == NULL) ? mean[at] : amb_sparse_times(&model->L, numbers, at, mean);
-      sum += value / error->std[at];
-    }
-  }
-  return sum;
-}
-
-/* Adds the direction of the last correction of the pairs to the sums, weighted by the effect of the
- * pairs, which grows with the square of the speed for unbalance. */
-static void watch(const amb_speed_error *error, const amb_model *model, const amb_real mean[],
-                  amb_direction *direction)
-{
-  const amb_real *p = direction->phase;
-  const amb_real z[2] = {sum_of(error, model, NULL, mean, 0) - direction->predicted[0],
-                         sum_of(error, model, NULL, mean, 1) - direction->predicted[1]};
-  const amb_real size = amb_root(square_of(z));
-  if ((size > AMB_C(0.0)) && (direction->passed > TURN)) { /* a pair is known after a revolution */
-    const amb_real kept = AMB_C(1.0) - amb_at_most(direction->angle / (TURNS * TURN), AMB_C(1.0));
-    const bool force = error->pair[0].power > AMB_C(0.0);
-    const amb_real w = force ? (direction->angle * direction->angle) : AMB_C(1.0);
-    const amb_real c[2] = {((w * z[0]) * p[0]) / size, ((w * z[1]) * p[0]) / size};
-    const amb_real s[2] = {((w * z[0]) * p[1]) / size, ((w * z[1]) * p[1]) / size};
-    direction->weight = (kept * direction->weight) + w;
-    direction->back[0] = (kept * direction->back[0]) + (c[0] - s[1]);
-    direction->back[1] = (kept * direction->back[1]) + (c[1] + s[0]);
-    direction->forth[0] = (kept * direction->forth[0]) + (c[0] + s[1]);
-    direction->forth[1] = (kept * direction->forth[1]) + (c[1] - s[0]);
-    direction->by_chance = ((kept * kept) * direction->by_chance) + (w * w);
-  }
-}
-
-/* Whether the corrections rotate backwards, more clearly than at the last reversal; if so, the
- * direction is reversed. */
-static bool is_reversed(amb_direction *direction)
-{
-  const amb_real square = square_of(direction->back);
-  const amb_real share = square / (direction->weight * direction->weight);
-  const bool back = (square > (CHANCE * direction->by_chance)) &&
-                    (square > (CLEAR * square_of(direction->forth))) &&
-                    (share > direction->abandoned);
-  if (back) {
-    direction->mirrored = !direction->mirrored;
-    direction->abandoned = share;
-    restart_sums(direction);
-  }
-  return back;
-}
-
-/* Prediction of the pairs for the next sample, and the angle until then at this speed. */
-static void look_ahead(const amb_speed_error *error, const amb_kalman *kf, amb_real numbers[],
-                       const amb_real mean[], amb_real speed, amb_direction *direction)
-{
-  const int at = error->pair[0].state;
-  const amb_real *L[2] = {entry(&kf->model, numbers, at, at),
-                          entry(&kf->model, numbers, at + 1, at)};
-  const amb_real *p = direction->phase;
-  for (int i = 0; i < 2; i++) {
-    direction->predicted[i] = sum_of(error, &kf->model, numbers, mean, i);
-  }
-  if ((L[0] != NULL) && (L[1] != NULL) && (error->pair[0].order < AMB_C(1.5))) {
-    const amb_real z[2] = {(p[0] * *L[0]) - (p[1] * *L[1]), (p[0] * *L[1]) + (p[1] * *L[0])};
-    const amb_real size = amb_root(square_of(z));
-    direction->phase[0] = (size > AMB_C(0.0)) ? (z[0] / size) : AMB_C(1.0);
-    direction->phase[1] = (size > AMB_C(0.0)) ? (z[1] / size) : AMB_C(0.0);
-  }
-  direction->angle = amb_magnitude(speed) * kf->set.T;
-  direction->passed += direction->angle;
-}
-
-/* The rotation in the detected direction; when it changes, the pairs restart. */
-static amb_rotation directed(const amb_speed_error *error, const amb_kalman *kf,
-                             const amb_kalman_state *state, amb_direction *direction,
-                             const amb_rotation *rotation)
-{
-  amb_rotation at = *rotation;
-  if (at.lost || at.afresh || !(direction->by_chance >= AMB_C(0.0))) {
-    direction->abandoned = AMB_C(0.0);
-    restart_sums(direction);
-  } else if (amb_magnitude(at.now) > AMB_C(0.0)) {
-    watch(error, &kf->model, state->mean, direction);
-    at.afresh = is_reversed(direction);
-  } else { /* the angle is not known well enough */
-  }
-  if (direction->mirrored) {
-    at.speed = -at.speed;
-    at.acceleration = -at.acceleration;
-    at.now = -at.now;
-    at.estimate = -at.estimate;
-  }
-  return at;
-}
-
 /* Whether the phase of any pair is known to half a radian. */
 static bool is_phase_known(const amb_model *model, const amb_speed_error *error,
                            const amb_kalman_state *state)
@@ -333,15 +195,21 @@ static bool is_phase_known(const amb_model *model, const amb_speed_error *error,
 }
 
 /* Whether the pairs continue without the angle sensor, where it loses the angle or restarts: their
- * phase was known after some revolutions, and has been since. */
+ * phase was known after some revolutions, and has been since; for at most a radian of drift by the
+ * uncertain speed, because beyond it the linearisation claims what is not known. */
 static bool continues(const amb_speed_error *error, const amb_kalman *kf,
                       const amb_kalman_state *state, const amb_rotation *rotation,
                       amb_direction *direction)
 {
   const bool follows = !rotation->lost && !rotation->afresh && !(rotation->prior > AMB_C(0.0));
-  const bool settled = direction->passed > (SIZED * TURN);
-  direction->held = follows ? (direction->held || settled)
-                            : (direction->held && is_phase_known(&kf->model, error, state));
+  const bool settled = direction->passed > (SIZED * AMB_REVOLUTION);
+  const int at = error->state;
+  const amb_real variance = state->cov[amb_entry(amb_states(&kf->model), at, at)];
+  direction->drift = follows ? AMB_C(0.0) : (direction->drift + (amb_root(variance) * kf->set.T));
+  const bool coherent = direction->drift < AMB_C(1.0);
+  direction->held = follows
+                        ? (direction->held || settled)
+                        : (direction->held && coherent && is_phase_known(&kf->model, error, state));
   return direction->held && !follows;
 }
 
@@ -375,7 +243,7 @@ static amb_real continued(const amb_kalman_state *state, int n, int at, amb_real
     by->estimate = -by->estimate;
     by->now = -by->now;
     direction->mirrored = !direction->mirrored;
-    restart_sums(direction);
+    amb_direction_restart(direction);
   }
   const amb_real fused = AMB_C(1.0) / (J + (AMB_C(1.0) / V));
   by->kept = fused * J;
@@ -396,7 +264,7 @@ amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_
   by.lost = by.lost && !continuing;
   by.afresh = by.afresh && !continuing;
   if (watched) {
-    by = directed(error, kf, state, direction, &by);
+    by = amb_directed(error, kf, state, direction, &by);
   }
   const amb_real known = ((at < 0) || by.lost || by.afresh) ? AMB_C(0.0) : state->mean[at];
   const amb_real speed = by.speed + known;
@@ -407,7 +275,7 @@ amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_
   if ((at >= 0) && !watched) {
     note_size(&kf->model, error, state, &by, kf->set.T, direction);
   }
-  amb_real *own = (at < 0) ? NULL : entry(&kf->model, numbers, at, at);
+  amb_real *own = (at < 0) ? NULL : amb_transition_entry(&kf->model, numbers, at, at);
   if (own != NULL) {
     *own = by.kept;
     kf->set.var_d[error->noise] = by.noise;
@@ -418,7 +286,7 @@ amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_
       follow(&error->pair[k], error, kf, state, numbers, &by);
     }
     if (watched) {
-      look_ahead(error, kf, numbers, state->mean, speed, direction);
+      amb_direction_predict(error, kf, numbers, state->mean, speed, direction);
     }
   }
   amb_model_growth(&kf->model, kf->set.var_d, kf->growth);
@@ -429,12 +297,7 @@ amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_
     widen(&kf->model, error, size, (by.now * by.now) + speed_variance, kf->growth);
   }
   const bool sized = amb_at_least(direction->size[0], direction->size[1]) > AMB_C(0.0);
-  return (sized && (direction->passed < TURN)) ? AMB_C(0.0) : by.now;
-}
-
-amb_status amb_direction_status(const amb_direction *direction, amb_real speed)
-{
-  return (direction->mirrored && (amb_magnitude(speed) > AMB_C(0.0))) ? AMB_MIRRORED : AMB_OK;
+  return (sized && (direction->passed < AMB_REVOLUTION)) ? AMB_C(0.0) : by.now;
 }
 
 #endif

@@ -73,7 +73,8 @@ typedef struct amb_speed_error {
 typedef struct amb_direction {
   amb_real size[2];      /* greatest mean square of runout and of unbalance over that of a start
                           * [1]; 0: unknown */
-  bool held;             /* the pairs' phase is known without the angle sensor */
+  bool held;             /* the pairs' phase is known without the angle sensor ... */
+  amb_real drift;        /* ... to so much, since that lost the angle [rad] */
   bool mirrored;         /* the rotor rotates against the direction that the readings assume */
   amb_real abandoned;    /* squared mean of the corrections at the last reversal [1] */
   amb_real predicted[2]; /* sum of the pairs of first order at the next sample ... */

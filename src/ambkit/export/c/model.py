@@ -98,7 +98,7 @@ def turning(of: CModel, nodes: Nodes) -> CModel:
         "grown": Name("model_grown"), "by_growth": Name("model_by_growth"),
     }  # fmt: skip
     return of._replace(
-        sources=(*of.sources, "src/turning.c", "src/synchronous.c"),
+        sources=(*of.sources, "src/turning.c", "src/synchronous.c", "src/direction.c"),
         numbers=numbers,
         arrays=arrays,
         turning=node_fields,
