@@ -48,7 +48,7 @@ Named run_angle(const nb::dict &arguments, const Vector &readings)
                               at.change,
                               amb_real(at.lost ? 1 : 0),
                               amb_real(at.afresh ? 1 : 0),
-                              at.growth,
+                              at.process_noise,
                               at.prior,
                               at.estimate,
                               at.now};

@@ -390,7 +390,7 @@ unsigned int amb_angle_follow(const amb_angle_settings *set, amb_angle_state *st
   rotation->kept = (lost || afresh) ? AMB_C(0.0) : (both / (known + hidden));
   rotation->noise = amb_at_least(variance - (rotation->kept * both), AMB_C(0.0));
   rotation->change = rotation->noise + (square(AMB_C(1.0) - rotation->kept) * (known + hidden));
-  rotation->growth = amb_at_least(state->predicted - known, AMB_C(0.0));
+  rotation->process_noise = amb_at_least(state->predicted - known, AMB_C(0.0));
   rotation->prior = state->restarted ? (state->predicted + hidden) : AMB_C(0.0);
   rotation->estimate = state->mean[1];
   rotation->lost = lost;

@@ -115,7 +115,7 @@ amb_rotation amb_directed(const amb_speed_error *error, const amb_kalman *kf,
                           const amb_rotation *rotation)
 {
   amb_rotation at = *rotation;
-  if (at.lost || at.afresh || !(direction->by_chance >= AMB_C(0.0))) {
+  if (at.lost || at.afresh || !((direction->weight + direction->by_chance) >= AMB_C(0.0))) {
     direction->abandoned = AMB_C(0.0);
     amb_direction_restart(direction);
   } else if (amb_magnitude(at.now) > AMB_C(0.0)) {

@@ -225,19 +225,19 @@ static amb_real continued(const amb_kalman_state *state, int n, int at, amb_real
 {
   const amb_real P = state->cov[amb_entry(n, at, at)];
   const amb_real error = state->mean[at];
-  const amb_real V = by->noise + ((by->kept * by->kept) * (by->prior - by->growth));
+  const amb_real V = by->noise + ((by->kept * by->kept) * (by->prior - by->process_noise));
   if (!(by->prior > AMB_C(0.0))) {
     by->kept = AMB_C(1.0);
-    by->noise = by->growth;
-    by->change = by->growth;
+    by->noise = by->process_noise;
+    by->change = by->process_noise;
     return error;
   }
-  const amb_real J = (AMB_C(1.0) / (P + by->growth)) - (AMB_C(1.0) / by->prior);
+  const amb_real J = (AMB_C(1.0) / (P + by->process_noise)) - (AMB_C(1.0) / by->prior);
   if (!(J > AMB_C(0.0))) {
     return error;
   }
   const amb_real predicted = by->speed + ((T / AMB_C(2.0)) * by->acceleration);
-  const amb_real seen = predicted + (error / ((P + by->growth) * J));
+  const amb_real seen = predicted + (error / ((P + by->process_noise) * J));
   const amb_real ratio = (AMB_C(-4.0) * seen) * (by->estimate / (V + (AMB_C(1.0) / J)));
   if (watched && (ratio > REVERSED)) {
     by->estimate = -by->estimate;

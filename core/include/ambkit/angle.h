@@ -63,17 +63,17 @@ typedef struct amb_angle_state {
 
 /* The rotation at a sample, for a filter (ambkit/turning.h) and controllers. */
 typedef struct amb_rotation {
-  amb_real speed;        /* mean over the previous interval [rad/s] ... */
-  amb_real acceleration; /* ... and the acceleration there [rad/s^2] */
-  amb_real kept;         /* share of the previous speed error that remains [1], ... */
-  amb_real noise;        /* ... and variance added to it [rad^2/s^2] */
-  amb_real change;       /* variance of the error's change [rad^2/s^2] */
-  bool lost;             /* the angle is uncertain by a revolution or more */
-  bool afresh;           /* it is known again after that */
-  amb_real growth;       /* growth of the speed's variance over the interval [rad^2/s^2] */
-  amb_real prior;        /* variance of the speed before a restart [rad^2/s^2]; 0: no restart */
-  amb_real estimate;     /* speed at the sample [rad/s] ... */
-  amb_real now;          /* ... and 0 where the angle is lost */
+  amb_real speed;         /* mean over the previous interval [rad/s] ... */
+  amb_real acceleration;  /* ... and the acceleration there [rad/s^2] */
+  amb_real kept;          /* share of the previous speed error that remains [1], ... */
+  amb_real noise;         /* ... and variance added to it [rad^2/s^2] */
+  amb_real change;        /* variance of the error's change [rad^2/s^2] */
+  bool lost;              /* the angle is uncertain by a revolution or more */
+  bool afresh;            /* it is known again after that */
+  amb_real process_noise; /* variance added to the speed over the interval [rad^2/s^2] */
+  amb_real prior;         /* variance of the speed before a restart [rad^2/s^2]; 0: no restart */
+  amb_real estimate;      /* speed at the sample [rad/s] ... */
+  amb_real now;           /* ... and 0 where the angle is lost */
 } amb_rotation;
 
 /* AMB_OK, or AMB_BAD_PARAMETER where a setting is out of range. */
