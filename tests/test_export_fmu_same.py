@@ -188,8 +188,8 @@ def inputs_of(path, kind, scenario, run):
         if "y" in record.signals and scenario.controller.feedback == "measurement":
             known["x"] = record["y"]
     if scenario.sequence is not None:
-        known["energised"] = energised(scenario, record.t, machine.sampling_time)
-        known["fly"] = fly_command(scenario.sequence, record.t, known["energised"])
+        on = energised(scenario, record.t, machine.sampling_time)
+        known |= {"power_failure": 1 - on, "fly": fly_command(scenario.sequence, record.t, on)}
     if "y" not in record.signals:
         known["speed"] = np.full(n, machine.speed)
     described = fmpy.read_model_description(str(path)).modelVariables
@@ -197,7 +197,7 @@ def inputs_of(path, kind, scenario, run):
     assert all(
         name in known
         for name in wanted
-        if not name.startswith(("fault", "base_", "on", "energised"))
+        if not name.startswith(("fault", "base_", "on", "power_failure"))
     )
     return {name: known[name] for name in wanted if name in known}
 
@@ -297,6 +297,7 @@ def test_all_kinds_do_what_simulate_does(name, kind, fmi, tmp_path):
     if single and kind == WHOLE and scenario.start == "landed":
         inputs = inputs_of(path, kind, scenario, run)
         law = Controller.of_axis(machine, estimator, scenario.controller, scenario.sequence)
+        inputs["energised"] = 1 - inputs.pop("power_failure")
         told = law.run(**inputs)
         coils = {f"coil_{k}": told["coil"][:, k] for k in range(told["coil"].shape[1])}
         for output, values in {"iu": told["iu"], "on": told["on"], **coils}.items():
@@ -386,7 +387,9 @@ def test_an_estimator_alone_has_the_library_s_bits(name, tmp_path):
     estimate = kf.run(record, covariance=not constant)
     path = fmu.export_fmu(machine, kf, tmp_path / "made.fmu", fmi=fmi).path
     assert validate_fmu(str(path)) == []
-    inputs = {"energised" if name == "on" else name: record[name] for name in record.signals}
+    inputs = dict(record.signals)
+    if "on" in inputs:
+        inputs["power_failure"] = 1 - inputs.pop("on")
     found = simulated(path, machine.sampling_time, **inputs)
     names = [at for at in found.dtype.names[1:] if not (constant and at.startswith("std_"))]
     check_estimate(found, estimate, machine, names, kf.precision)

@@ -32,7 +32,7 @@ def of_estimator(filter: Estimator) -> tuple[Variable, ...]:
         TIME,
         *_readings(filter.machine),
         *per_name("u", "input", "V", about, _axes(filter.machine), limit="losable"),
-        *((ENERGISED,) if called(filter).deenergises else ()),
+        *((POWER_FAILURE,) if called(filter).deenergises else ()),
         *_estimates("", filter),
         *_variances(filter),
     )
@@ -205,7 +205,7 @@ def of_complete_controller(
         *_readings(machine),
         *_references(machine, limit="losable"),
         *((FLY,) if _lifts(loop_controller) else ()),
-        ENERGISED,
+        POWER_FAILURE,
         *_speed(machine),
         replace(coils[0], first="coil_0"), *coils[1:],
         *per_name("u", "output", "V", "control signal", axes, held=True),
@@ -224,8 +224,8 @@ def of_complete_controller(
 AT = ("the coil towards +x", "the other coil")  #: The two coils of a pair.
 
 
-ENERGISED = Variable(
-    "energised", "input", "1", "magnets supplied from this sample on: from 0.5 on", 1.0
+POWER_FAILURE = Variable(
+    "power_failure", "input", "1", "magnets without current from this sample on: from 0.5 on", 0.0
 )
 FLY = Variable("fly", "input", "1", "command to levitate: from 0.5 on", 1.0)
 MODES = "0 off, 1 waiting, 2 lifting, 3 levitated, 4 landing, 5 tripped"

@@ -31,15 +31,15 @@ amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
 }
 
 #ifdef AMB_DATA_DEENERGISES
-static bool energised(const double value[AMB_VARIABLES])
+static bool power_fails(const double value[AMB_VARIABLES])
 {
-  return value[VR_energised] >= 0.5;
+  return value[VR_power_failure] >= 0.5;
 }
 #else
-static bool energised(const double value[AMB_VARIABLES])
+static bool power_fails(const double value[AMB_VARIABLES])
 {
   (void)value;
-  return true;
+  return false;
 }
 #endif
 
@@ -55,7 +55,7 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
   for (int c = 0; c < AMB_CONTROLS; c++)
     model->last_u[c] = (amb_real)value[FIRST_u + c];
   model->sampled = true;
-  if (!energised(value)) /* in the next time update */
+  if (power_fails(value)) /* in the next time update */
     amb_deenergise(&filter, &model->state);
 }
 

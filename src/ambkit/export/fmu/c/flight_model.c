@@ -46,7 +46,7 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
   model->status =
       amb_control_step(&control, &model->state, &model->estimate, y, r, amb_flight_speed(value),
                        amb_flight_wanted(value), &model->output);
-  if (!(value[VR_energised] >= 0.5))
+  if (value[VR_power_failure] >= 0.5)
     amb_control_deenergise(&control, &model->state, &model->estimate);
 }
 
