@@ -108,10 +108,14 @@ def answers(y: Candidate, u: Candidate, lags: int = LAGS) -> float:
     # Of second differences, in which hardly any motion is left.
     if y.values.size < 4 * LAGS:
         return 0.0
-    noise_of_y, rest = (np.diff(interpolated(c.values[:LOOKED_AT]), 2) for c in (y, u))
+    changes = [np.diff(interpolated(c.values[:LOOKED_AT]), 2) for c in (y, u)]
+    peaks = [float(np.abs(change).max()) for change in changes]
+    if not all(0 < peak < np.inf for peak in peaks):  # a counter, or no number that is usable
+        return 0.0
+    noise_of_y, rest = (change / peak for change, peak in zip(changes, peaks, strict=True))
     lagged = sliding_window_view(noise_of_y, lags)
     rest = rest[lags - 1 :]
-    if not rest.any():  # a counter
+    if not rest.any():
         return 0.0
     left = rest - lagged @ np.linalg.lstsq(lagged, rest, rcond=None)[0]
     return 1 - float(left @ left) / float(rest @ rest)

@@ -231,8 +231,8 @@ class _Search:
         if profile:
             self.note("computing profile likelihood intervals")
             # As if the coil, and what is held, were known.
-            searched = self.data.local(model, parameters).information
-            uncoupled = np.asarray(np.linalg.inv(searched), float)
+            information = self.data.local(model, parameters).information
+            uncoupled = np.asarray(np.linalg.inv(information), float)
             larger *= np.sqrt(np.diag(inverse) / np.diag(uncoupled))
             profiles = intervals(self.data, model, parameters, uncoupled, larger)
         if self.current is not None:
