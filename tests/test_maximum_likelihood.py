@@ -436,17 +436,16 @@ def test_stiffness_with_its_error_follows_from_the_law(found):
 
 
 @pytest.mark.long
-def test_a_control_signal_that_was_cut_off_is_named():
-    """It gives a magnet a thousand times as strong, and a delay below zero, each with its error."""
+def test_a_control_signal_that_was_cut_off_identifies_no_magnet():
+    """Without priors it gave a magnet a thousand times as strong, with its error."""
     bearing = Machine.preset("zittau_axial")
     record = simulate(bearing, duration="0.4 s", step="0.2 mm").record
     u = record["u"]
     near = 0.3 * np.median(np.abs(u - u.mean()))
     cut = {"y": record["y"], "u": np.clip(u, u.mean() - near, u.mean() + near)}
     notes = " ".join(maximum_likelihood(Record(record.t, cut, {"y": "m", "u": "V"}), bearing).notes)
-    assert "The magnet constant is" in notes
-    assert "times the initial one: is the record of this machine" in notes
-    assert "The delay is negative" in notes
+    for name in ("magnet constant", "air gap", "delay"):
+        assert f"{name} is not identifiable" in notes
 
 
 def test_a_machine_that_the_description_can_hardly_mean_is_named(records):

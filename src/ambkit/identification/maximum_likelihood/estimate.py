@@ -36,6 +36,7 @@ from ambkit.identification.maximum_likelihood.line_noise import with_lines
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import (
     ALIKE,
+    LATE,
     NOISES,
     USUAL,
     Coordinates,
@@ -183,7 +184,7 @@ class _Search:
         joint: Joint | None = None,
     ) -> Local:  # fmt: skip
         """Return the likelihood at a model, with coarse priors of the parameters that are held."""
-        rest = named(tuple(held))
+        rest = named([name for name in held if name not in LATE])
         everything, p = [*parameters, *rest], len(parameters)
         local = self.data.local(model, everything)
         if joint is not None:

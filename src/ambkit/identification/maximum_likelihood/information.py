@@ -23,6 +23,7 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import (
     ALIKE,
     DESCRIBED,
+    LATE,
     NOISES,
     Coordinates,
     Parameter,
@@ -220,7 +221,8 @@ def expect(record: Record, model: LoopModel, free: Sequence[str]) -> Expectation
             break
         parameter, why = worst
         held[parameter.name] = why
-        left_out[parameters.index(parameter)] = 1 / parameter.range(model) ** 2
+        if parameter.name not in LATE:
+            left_out[parameters.index(parameter)] = 1 / parameter.range(model) ** 2
         kept.remove(parameters.index(parameter))
     kept_parameters = [parameters[at] for at in kept]
     unit = np.array([(p.of(model) if p.positive else p.coarse(model)) for p in kept_parameters])

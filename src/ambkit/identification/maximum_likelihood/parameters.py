@@ -132,6 +132,9 @@ ZERO_SHARE = 0.1
 DESCRIBED = ("magnet_constant", "air_gap", "mass", "sensor_gain", "amplifier_gain")
 """Parameters that a description states to about an e-fold."""
 
+LATE = ("delay", "sensor_lag", "current_lag")
+"""What makes the loop late. Records determine the sum; one that is held counts as known."""
+
 
 def priors_of(model: LoopModel, free: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Return priors: value and standard deviation [SI], log-normal for a positive parameter."""
