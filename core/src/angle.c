@@ -350,8 +350,7 @@ unsigned int amb_angle_step(const amb_angle_settings *set, amb_angle_state *stat
   }
   const bool lost = (set->sensor != AMB_ANGLE_SPEED) && !sure(set, state->cov[0]);
   flags |= lost ? AMB_ANGLE_LOST : 0U;
-  const bool assumed = set->reverses && (set->sensor == AMB_ANGLE_PULSES);
-  return flags | (assumed ? AMB_ANGLE_ASSUMED : 0U);
+  return flags | ((set->reverses && (set->sensor == AMB_ANGLE_PULSES)) ? AMB_ANGLE_ASSUMED : 0U);
 }
 
 amb_real amb_angle_variance(const amb_angle_settings *set, const amb_angle_state *state)
@@ -378,8 +377,7 @@ unsigned int amb_angle_follow(const amb_angle_settings *set, amb_angle_state *st
   const amb_real known = state->cov[3];
   const amb_real hidden = considered(set, state);
   const unsigned int flags = amb_angle_step(set, state, reading);
-  /* Synchronous states follow the speed and its error, whatever the angle relative to a mark. They
-   * are lost if the angle is uncertain by a revolution. */
+  /* Synchronous states follow speed and its error; lost if the angle is uncertain by a turn. */
   const bool lost = (set->sensor != AMB_ANGLE_SPEED) && (state->cov[0] >= square(TURN));
   const bool afresh = state->waits && state->followed && !lost;
   /* A reading reduces the error as it reduces the variance; the part that no reading shows grows

@@ -63,7 +63,8 @@ def diagnose_limits(machine: Machine, filter: Filter = DEFAULT) -> Distinction:
     """List the smallest faults of a machine that can be detected and distinguished.
 
     From the Fisher information of each fault in simulated runs, at rest and with steps of a tenth
-    of the clearance: nine in ten faults of that size raise an alarm, and exclude all others.
+    of the clearance: nine in ten faults of that size raise an alarm, and exclude all others. The
+    onset is taken as known, so these are lower limits.
 
     Parameters
     ----------
