@@ -71,7 +71,7 @@ no blocks behind a PID:
 """),
     (lambda has: has.states >= 8, """
 of fewer than 8 states:
-    covariance_loops.c@add_up  j < wanted  sum->row[  k < sum->count
+    covariance_loops.c@add_up  j < columns  sum->row[  k < sum->count
 """),
     (lambda has: has.states % 4 == 0, """
 of states that are no multiple of 4:
@@ -227,6 +227,7 @@ a machine's that is let turn:
     *  turning  turn->  where->  interpolated(  others  sum += (one[j]  left.current[
     *  at > AMB_C(0.0)
     *  int node = (int)at
+    *  i < c->unbalance_control->moved
     controllers.c@largest_share,find_uncontrolled
 a machine's:
     *  power *= speed

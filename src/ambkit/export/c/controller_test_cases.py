@@ -28,7 +28,7 @@ FAST_SEQUENCE: dict[str, Any] = {
 LIFTED, UP = 300, 130  #: Samples of a flight in the self-test, and from which on the rotor is up.
 SLOW = 20  #: Samples of a plant's time constant, for each of which a flight takes as many more.
 TRANSFER_SAMPLES = 40  #: Samples of a flight that is taken over.
-OUTAGE = 30, 36  #: Samples of a power failure.
+OUTAGE = 30, 32  #: Samples of a power failure.
 PUSH, PULL = 0.2, 3.0  #: Loads of the flights, in what an axis can pull with its greatest current.
 
 
