@@ -65,9 +65,7 @@ def test_where_the_compiler_contracts_it_passes_within_its_bound(exported, tmp_p
     assert (done.returncode, done.stderr) == (0, "")
     said = subprocess.run([tmp_path / "selftest"], capture_output=True, text=True)
     assert said.returncode == 0
-    assert re.match(
-        r"pass: .* samples, two instances\n[1-9]\d* numbers differ: ", said.stdout
-    )
+    assert re.match(r"pass: .* samples, two instances\n[1-9]\d* numbers differ: ", said.stdout)
 
 
 @needs_gcc

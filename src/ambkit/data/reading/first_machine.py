@@ -59,7 +59,8 @@ class WeightScale:
             "[magnet]", 'type = "one-sided"',
             f'magnet_constant = "{1e6 * constant:.4g} N mm^2/A^2"  # times the mass in kg'
             f"{' and the square of the resistance in ohm' if driven else ''}",
-            f'air_gap = "{1e3 * self.gap:.4g} mm"', f'bias_current = "{self.current:.4g} A"'
+            f'air_gap = "{1e3 * self.gap:.4g} mm"  # may be too large by half, or more: measure it',
+            f'bias_current = "{self.current:.4g} A"'
             f"{'  # over the resistance in ohm' if driven else ''}",
             "[rotor]", 'mass = "1 kg"  # weigh it', 'gravity = "-x"',
             f'clearance = "{0.8e3 * self.gap:.3g} mm"  # a guess',
