@@ -28,7 +28,7 @@ FAST_SEQUENCE: dict[str, Any] = {
 LIFTED, UP = 300, 130  #: Samples of a flight in the self-test, and from which on the rotor is up.
 SLOW = 20  #: Samples of a plant's time constant, for each of which a flight takes as many more.
 TRANSFER_SAMPLES = 40  #: Samples of a flight that is taken over.
-OUTAGE = 30, 32  #: Samples of a power failure.
+OUTAGE = 288, 290  #: Samples of a power failure.
 PUSH, PULL = 0.2, 3.0  #: Loads of the flights, in what an axis can pull with its greatest current.
 
 
@@ -239,15 +239,15 @@ def _cases(controller: Controller, scenario: Scenario) -> Iterator[TestCase]:
     references[190 * slow, 0] = references[193 * slow, -1] = references[196 * slow, :] = np.nan
     landing_scenario = _event_scenario(machine, scenario, 1.0, PUSH, slow)
     yield TestCase(landing_scenario, _corrupted(machine, well, slow), references, lands)
-    # It has tripped when the command is withdrawn, and lifts again.
+    # It has tripped when the command is withdrawn, and lifts again until the power fails.
     pulled = _event_scenario(machine, scenario, -1.0, PULL, slow)
-    yield TestCase(pulled, _lost(machine, well, slow), none, commands((200, 210)))
-    references = none.copy()
-    references[180 * slow :: 3] = np.nan
-    # The power fails on the way up; after that a current at its limit trips it.
     off, on = (slow * k * machine.sampling_time for k in OUTAGE)
     failing = pulled.model_copy(update={"off": off, "on": on})
-    yield TestCase(failing, well, references, commands((OUTAGE[1], OUTAGE[1] + 4)))
+    again = commands((200, 210), (OUTAGE[1], OUTAGE[1] + 4))
+    yield TestCase(failing, _lost(machine, well, slow), none, again)
+    references = none.copy()
+    references[180 * slow :: 3] = np.nan
+    yield TestCase(pulled, well, references, commands())  # a current at its limit trips it
 
 
 def _event_scenario(
