@@ -24,7 +24,7 @@ bool OwnOf::ask(std::initializer_list<const amb_real *> from, amb_real to[]) con
   nb::list arguments[3];
   size_t at = 0;
   for (const amb_real *numbers : from) {
-    for (size_t i = 0; (numbers != nullptr) && (i < fields[at]); i++)
+    for (size_t i = 0; (numbers != nullptr) && (i < counts[at]); i++)
       arguments[at].append(numbers[i]);
     at++;
   }
@@ -34,11 +34,11 @@ bool OwnOf::ask(std::initializer_list<const amb_real *> from, amb_real to[]) con
   return nb::len(result) > answers && nb::cast<amb_real>(result[answers]) > 0;
 }
 
-const amb_real *ClosedLoop::series(nb::handle fields, size_t n, size_t columns, const char *name)
+const amb_real *ClosedLoop::series(nb::handle values, size_t n, size_t columns, const char *name)
 {
-  if (fields.is_none())
+  if (values.is_none())
     return nullptr;
-  kept.push_back(nb::cast<Samples>(fields));
+  kept.push_back(nb::cast<Samples>(values));
   same_length(n, samples_of(kept.back(), columns, name), name);
   return kept.back().data();
 }

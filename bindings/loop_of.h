@@ -127,7 +127,7 @@ private:
 // the required number of values (control/controller_states.py, simulation/external_inputs.py).
 struct OwnOf {
   nb::callable answer;
-  size_t fields[3], answers;
+  size_t counts[3], answers;
   std::vector<size_t> places; // indices of the returned numbers
   bool ask(std::initializer_list<const amb_real *> from, amb_real to[]) const;
 };
@@ -147,7 +147,7 @@ public:
   LoopOf of;
   amb_loop_input in{};
   // An optional array of the run, a row per sample; it is kept alive.
-  const amb_real *series(nb::handle fields, size_t n, size_t columns, const char *name);
+  const amb_real *series(nb::handle values, size_t n, size_t columns, const char *name);
 
 private:
   void set_model(Model *model);

@@ -219,7 +219,7 @@ nb::typed<nb::tuple, Out<double>, Out<int64_t>> fly(const std::vector<const Plan
   const auto fly_together = [&](size_t at) {
     const std::vector<size_t> &places = work[at];
     std::vector<amb_many_run> runs;
-    std::vector<amb_many_run *> item;
+    std::vector<amb_many_run *> pointers;
     std::vector<std::vector<std::max_align_t>> states;
     runs.reserve(places.size());
     for (const size_t i : places) {
@@ -231,14 +231,14 @@ nb::typed<nb::tuple, Out<double>, Out<int64_t>> fly(const std::vector<const Plan
       if (plan.closed_loop.estimator != nullptr)
         plan.reset(states.back().data());
       plan.closed_loop.settle(runs.back().state, states.back().data());
-      item.push_back(&runs.back());
+      pointers.push_back(&runs.back());
     }
     const Plan &first = *plans[static_cast<size_t>(which.data()[places[0]])];
     if (lanes > 1 && amb_many_group(&first.run) != 0U) {
-      amb_many_advance(set, item.data(), item.size(), first.closed_loop.in.n);
+      amb_many_advance(set, pointers.data(), pointers.size(), first.closed_loop.in.n);
     } else {
       Room room(first);
-      amb_many_one(item[0], room.noise_u.data(), room.noise_y.data(), room.touched.data(),
+      amb_many_one(pointers[0], room.noise_u.data(), room.noise_y.data(), room.touched.data(),
                    &room.to);
     }
     for (size_t k = 0; k < places.size(); k++) {

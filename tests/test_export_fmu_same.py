@@ -188,7 +188,7 @@ def inputs_of(path, kind, scenario, run):
         if "y" in record.signals and scenario.controller.feedback == "measurement":
             known["x"] = record["y"]
     if scenario.sequence is not None:
-        on = energised(scenario, record.t, machine.sampling_time)
+        on = energised(scenario.off, scenario.on, record.t, machine.sampling_time)
         known |= {"power_failure": 1 - on, "fly": fly_command(scenario.sequence, record.t, on)}
     if "y" not in record.signals:
         known["speed"] = np.full(n, machine.speed)

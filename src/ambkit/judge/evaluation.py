@@ -72,11 +72,8 @@ class Evaluation:
 
     def rows(self, machine: Machine, flags: Sequence[str]) -> list[Row]:
         """Return the figures; of several readings only the means, unless verbose."""
-        several, units, white = (
-            len(machine.axes) > 1,
-            self.estimate.units,
-            values_of(self.whiteness),
-        )
+        several, units = len(machine.axes) > 1, self.estimate.units
+        white = values_of(self.whiteness)
         share, bound = (
             by_name(self.estimate.readings or ("",), [w and getattr(w, name) for w in white])
             for name in ("share_within", "bound")

@@ -133,7 +133,7 @@ class Loop:
             Sampled.of(machine, self.scenario) if sampled is None else sampled
         )
         self._fly = self.external_inputs.fly
-        self._energised = energised(self.scenario, self._t, machine.sampling_time)
+        self._energised = energised(scenario.off, scenario.on, self._t, machine.sampling_time)
         self._fails = self.scenario.off is not None
         if self._fly is None and self.scenario.sequence is not None:
             self._fly = fly_command(self.scenario.sequence, self._t, self._energised)

@@ -193,12 +193,12 @@ class Scenario(Described, Document):
         return self.model_copy(update={"controller": self.controller.fed_by(feedback)})
 
 
-def energised(scenario: Scenario, t: Array, T: float) -> Array:
+def energised(off: float | None, on: float | None, t: Array, T: float) -> Array:
     """Return 1 where the magnets are supplied, 0 in a power failure (n,)."""
-    # t (n,) [s], sampled every T [s]
-    off, on = (math.inf if at is None else round(at / T) for at in (scenario.off, scenario.on))
+    # off, on [s]; t (n,) [s], sampled every T [s]
+    first, end = (math.inf if at is None else round(at / T) for at in (off, on))
     samples = np.round(t / T)
-    return np.where((samples < off) | (samples >= on), 1.0, 0.0)
+    return np.where((samples < first) | (samples >= end), 1.0, 0.0)
 
 
 def fly_command(sequence: LiftOff, t: Array, energised: Array) -> Array:

@@ -24,6 +24,7 @@ from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row, Section
 from ambkit.simulation.run_figure import simulation_figure
+from ambkit.simulation.scenario import energised
 
 ERRORS = ("rmse",)
 NEARLY = 1 - 1e-6  #: Of a limit; a demanded current at it has rounding errors.
@@ -230,9 +231,8 @@ class Run(Result):
     def energised(self) -> NDArray[np.bool_]:
         """Where there is no power failure (n,)."""
         # During one the control current, a difference of two coil currents, does not show it.
-        scenario, t = self.record.meta.get("scenario", {}), self.record.t
-        off, on = scenario.get("off", math.inf), scenario.get("on", math.inf)
-        return np.asarray((t < off - 1e-9) | (t >= on - 1e-9))
+        scenario, T = self.record.meta.get("scenario", {}), self.record.sampling_time
+        return energised(scenario.get("off"), scenario.get("on"), self.record.t, T) > 0
 
     @property
     def samples_at_the_stop(self) -> int:

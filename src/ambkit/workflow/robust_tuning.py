@@ -21,7 +21,7 @@ from ambkit.control.control import Control
 from ambkit.estimate.estimator import Estimator
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
-from ambkit.judge.comparison.tuning import Range
+from ambkit.judge.comparison.tuning import Range, check_budget
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
@@ -187,8 +187,7 @@ def tune_robust(
     ranges = task.chosen(free)
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     search = _opened(optuna, storage, task, ranges, seed)
-    if budget < 1:
-        raise AmbkitError(f"budget must be at least 1, is {budget}")
+    check_budget(budget)
     for number in range(len(search.trials), budget):
         trial = search.ask()
         if number < len(task.kinds):  # the untuned designs, with the study's filter first

@@ -104,7 +104,7 @@ def vectors(controller: Controller, scenario: Scenario) -> Vectors:
         mode = record["mode"].astype(np.uint8)
         fly = case.fly > 0
         speed = record["speed" if machine.angle is None else machine.angle.channel[0]]
-        on = energised(case.scenario, record.t, machine.sampling_time) > 0
+        on = energised(case.scenario.off, case.scenario.on, record.t, machine.sampling_time) > 0
         part = (y, r, u, speed, mode, fly, on, run.status, run.usable, run.estimate.mean)
         part = _as_read(controller, part)
         parts.append((*part, _snapshots(controller, part, None, turns=turns)))

@@ -178,7 +178,7 @@ def pil(
         y = filter.inputs.y.numbers(measurement)
         r = np.column_stack([record[signal("r", name)] for name in run.axes])
         speed = record.signals.get("speed", np.zeros(len(y)))
-        on = energised(lift_scenario, record.t, machine.sampling_time)
+        on = energised(lift_scenario.off, lift_scenario.on, record.t, machine.sampling_time)
         fly, failed = fly_command(sequence, record.t, on), np.r_[False, on[:-1] <= 0]
         (folder / "pipes").mkdir()
         sizes = y.shape[1], r.shape[1], len(fields)

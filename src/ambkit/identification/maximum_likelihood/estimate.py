@@ -36,7 +36,6 @@ from ambkit.identification.maximum_likelihood.line_noise import with_lines
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import (
     ALIKE,
-    LATE,
     NOISES,
     USUAL,
     Coordinates,
@@ -44,6 +43,7 @@ from ambkit.identification.maximum_likelihood.parameters import (
     identifiable,
     named,
     priors_of,
+    uncertain,
 )
 from ambkit.identification.maximum_likelihood.result import CONFIDENCE, MaximumLikelihood
 from ambkit.identification.noise import position_step
@@ -184,7 +184,7 @@ class _Search:
         joint: Joint | None = None,
     ) -> Local:  # fmt: skip
         """Return the likelihood at a model, with coarse priors of the parameters that are held."""
-        rest = named([name for name in held if name not in LATE])
+        rest = uncertain(named(tuple(held)))
         everything, p = [*parameters, *rest], len(parameters)
         local = self.data.local(model, everything)
         if joint is not None:

@@ -23,13 +23,13 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import (
     ALIKE,
     DESCRIBED,
-    LATE,
     NOISES,
     Coordinates,
     Parameter,
     identifiable,
     named,
     priors_of,
+    uncertain,
 )
 from ambkit.identification.maximum_likelihood.search import LONGEST_STEP, maximise
 from ambkit.machine.magnets import own_time
@@ -221,9 +221,9 @@ def expect(record: Record, model: LoopModel, free: Sequence[str]) -> Expectation
             break
         parameter, why = worst
         held[parameter.name] = why
-        if parameter.name not in LATE:
-            left_out[parameters.index(parameter)] = 1 / parameter.range(model) ** 2
         kept.remove(parameters.index(parameter))
+        for one in uncertain([parameter]):
+            left_out[parameters.index(one)] = 1 / one.range(model) ** 2
     kept_parameters = [parameters[at] for at in kept]
     unit = np.array([(p.of(model) if p.positive else p.coarse(model)) for p in kept_parameters])
     covariance = np.linalg.inv(information) * np.outer(unit, unit)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -157,6 +157,11 @@ def priors_of(model: LoopModel, free: Sequence[str]) -> dict[str, tuple[float, f
 def log_prior(model: LoopModel) -> float:
     """Return the log prior density of a model's parameters, up to a constant."""
     return sum(-0.5 * PARAMETERS[name].from_prior(model) ** 2 for name in model.known)
+
+
+def uncertain(held: Iterable[Parameter]) -> list[Parameter]:
+    """Return the held parameters whose coarse range enters the errors of the others."""
+    return [parameter for parameter in held if parameter.name not in LATE]
 
 
 def named(names: Sequence[str]) -> list[Parameter]:

@@ -215,6 +215,12 @@ class Search(NamedTuple):
         return min(self.points, key=lambda item: item.cost)
 
 
+def check_budget(budget: int) -> None:
+    """Reject a search without evaluations."""
+    if budget < 1:
+        raise AmbkitError(f"budget must be at least 1, is {budget}")
+
+
 def search(
     tunable: Sequence[Range],
     cost: Callable[[Mapping[str, float]], float],
@@ -224,8 +230,7 @@ def search(
 ) -> Search:
     """Return the values of least cost, with a fixed number of evaluations."""
     # See `tune` for the method.
-    if budget < 1:
-        raise AmbkitError(f"budget must be at least 1, is {budget}")
+    check_budget(budget)
     trials: list[Costed] = []
 
     def at(point: Array) -> float:
