@@ -140,7 +140,8 @@ class Table(NamedTuple):
             head = Text(cells[0], overflow="fold")
             rich_table.add_column(head, justify="left" if left else "right", width=width)
         for row in zip(*(cells[1:] for cells in columns.values()), strict=True):
-            rich_table.add_row(*(Text(cell, overflow="fold") for cell in row))
+            lines = map(_broken, row, widths)
+            rich_table.add_row(*(Text(cell, overflow="fold") for cell in lines))
         return rich_table
 
 
@@ -160,9 +161,14 @@ def _widths(cells: Sequence[str], *, words: bool) -> tuple[int, int]:
     least = [1]
     for cell in cells:
         number = not words and cell[:1] in set("0123456789+-−±–")
-        least += map(cell_len, [cell] if number else cell.split())
+        least += map(cell_len, _broken(cell, 0).split("\n") if number else cell.split())
     full_width = max(1, *map(cell_len, cells))
     return max(*least, min(full_width, LINE) if words else 1), full_width
+
+
+def _broken(cell: str, width: int) -> str:
+    """Break a cell that is longer than its column after each semicolon."""
+    return cell if len(cell) <= width else cell.replace("; ", ";\n")
 
 
 def _parts(least: Sequence[int], room: int) -> list[list[int]]:
