@@ -338,6 +338,13 @@ def test_decimation_follows_a_curve_that_turns_back():
     assert (middle > 0.99 * np.minimum(np.hypot(x, y)[1:], np.hypot(x, y)[:-1])).all()
 
 
+@pytest.mark.parametrize(("slope", "width", "layer"), [(20, 0.6, 2), (300, 1.2, 4)])
+def test_a_line_whose_ripple_fills_an_area_is_thin_and_behind(slope, width, layer):
+    t, noise = np.linspace(0, 1, 9001), np.random.default_rng(1).standard_normal(9001)
+    look = Line(t, slope * t + noise, signal="estimate linear").look
+    assert (look.width, look.layer, bool(look.dash)) == (width, layer, width > 1)
+
+
 # Description
 
 

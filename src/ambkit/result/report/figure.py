@@ -163,11 +163,13 @@ class Figure:
         axes = [by_index[index] for index in range(len(self.panels))]
         canvas.align_ylabels()
         if texts:
-            known = dict(entry for ax in axes for entry in zip(*_entries(ax), strict=True))
-            canvas.legend(
+            known = dict(entry for ax in axes[::-1] for entry in zip(*_entries(ax), strict=True))
+            legend = canvas.legend(
                 [known[f" {text}" if text.startswith("_") else text] for text in texts], texts,
                 loc="outside upper left", ncols=columns,
             )  # fmt: skip
+            for line in legend.get_lines():  # colours of thin lines are hard to tell apart
+                line.set_linewidth(max(1.2, line.get_linewidth()))
         return canvas, axes
 
     def _height(self) -> float:

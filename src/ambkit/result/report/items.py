@@ -6,7 +6,8 @@ Each item draws itself with matplotlib and returns plain data for plotly.js.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -44,12 +45,26 @@ class Line(Signal):
         super().__post_init__()
         self._vectors("x", "y")
 
+    @cached_property
+    def _drawn(self) -> tuple[Vector, Vector]:
+        return decimate(self.x, self.y, BUCKETS)
+
+    @cached_property
+    def look(self) -> style.Style:
+        """The signal's style; thin, solid and behind other lines where its ripple fills an area."""
+        look, y = super().look, self._drawn[1][np.isfinite(self._drawn[1])]
+        steps = np.diff(y)
+        steps = steps[np.abs(steps) > 0.05 * np.ptp(y)] if y.size else steps
+        if np.count_nonzero(steps[1:] * steps[:-1] < 0) < BUCKETS / 2:
+            return look
+        return replace(look, dash=style.SOLID, width=min(look.width, 0.6), layer=min(look.layer, 2))
+
     def draw(self, ax: Axes, panel: Panel) -> None:
-        x, y = decimate(self.x, self.y, BUCKETS)
+        x, y = self._drawn
         ax.plot(panel.x.shown(x), panel.y.shown(y), **self._pen)
 
     def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
-        few = decimate(self.x, self.y, BUCKETS)
+        few = self._drawn
         curve = self._curve(panel.x.numbers(few[0]), panel.y.numbers(few[1]))
         return [curve | {"hovertemplate": panel.y.hover_format("y")}]
 
