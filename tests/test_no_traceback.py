@@ -470,3 +470,17 @@ def test_a_folder_is_written_as_a_whole_or_not_at_all(tmp_path):
     assert list(tmp_path.iterdir()) == []
     fill(fails=False)
     assert [path.name for path in folder.iterdir()] == ["a"]
+
+
+def test_a_link_stays_a_link_and_a_pipe_a_pipe(tmp_path):
+    (tmp_path / "link").symlink_to("file")
+    files.write_text(tmp_path / "link", "1")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "file").read_text() == "1"
+    os.mkfifo(tmp_path / "pipe")
+    read = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    files.write_text(tmp_path / "pipe", "2")
+    assert os.read(read, 9) == b"2"
+    os.close(read)
+    assert (tmp_path / "pipe").is_fifo()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "link", "pipe"]

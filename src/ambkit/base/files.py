@@ -4,6 +4,7 @@ import hashlib
 import os
 import shutil
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
@@ -20,11 +21,17 @@ DOCUMENT_SHARE = 100  #: Memory to read a document, over the size of the file: a
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary file beside `path`, which replaces `path` at the end."""
     # If the body of the ``with`` fails, the temporary file is removed and `path` is unchanged.
-    path = Path(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    path, final = Path(path), Path(os.path.realpath(path))  # a link stays a link
+    special = final.exists() and not (final.is_file() or final.is_dir())  # a pipe or a device
+    folder = Path(tempfile.gettempdir()) if special else final.parent
+    temporary = folder / f".{final.name}.{os.getpid()}.tmp"
     try:
         yield temporary
-        os.replace(temporary, path)
+        if special:
+            with temporary.open("rb") as source, final.open("wb") as target:
+                shutil.copyfileobj(source, target)
+        else:
+            os.replace(temporary, final)
     except OSError as error:
         raise AmbkitError(f"{path}: cannot be written: {error.strerror or error}") from error
     finally:
