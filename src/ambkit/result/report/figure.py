@@ -168,7 +168,7 @@ class Figure:
                 [known[f" {text}" if text.startswith("_") else text] for text in texts], texts,
                 loc="outside upper left", ncols=columns,
             )  # fmt: skip
-            for line in legend.get_lines():  # colours of thin lines are hard to tell apart
+            for line in legend.get_lines():  # thin lines hide their colour
                 line.set_linewidth(max(1.2, line.get_linewidth()))
         return canvas, axes
 

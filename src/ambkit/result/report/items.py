@@ -46,13 +46,13 @@ class Line(Signal):
         self._vectors("x", "y")
 
     @cached_property
-    def _drawn(self) -> tuple[Vector, Vector]:
+    def _decimated(self) -> tuple[Vector, Vector]:
         return decimate(self.x, self.y, BUCKETS)
 
     @cached_property
     def look(self) -> style.Style:
         """The signal's style; thin, solid and behind other lines where its ripple fills an area."""
-        look, y = super().look, self._drawn[1][np.isfinite(self._drawn[1])]
+        look, y = super().look, self._decimated[1][np.isfinite(self._decimated[1])]
         steps = np.diff(y)
         steps = steps[np.abs(steps) > 0.05 * np.ptp(y)] if y.size else steps
         if np.count_nonzero(steps[1:] * steps[:-1] < 0) < BUCKETS / 2:
@@ -60,11 +60,11 @@ class Line(Signal):
         return replace(look, dash=style.SOLID, width=min(look.width, 0.6), layer=min(look.layer, 2))
 
     def draw(self, ax: Axes, panel: Panel) -> None:
-        x, y = self._drawn
+        x, y = self._decimated
         ax.plot(panel.x.shown(x), panel.y.shown(y), **self._pen)
 
     def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
-        few = self._drawn
+        few = self._decimated
         curve = self._curve(panel.x.numbers(few[0]), panel.y.numbers(few[1]))
         return [curve | {"hovertemplate": panel.y.hover_format("y")}]
 
