@@ -7,7 +7,7 @@ import pytest
 
 import ambkit
 from ambkit import PID, KalmanFilter, Machine
-from ambkit.assessment.amplitude_sweep import _Rig
+from ambkit.assessment.amplitude_sweep import _NoiselessLoop
 from ambkit.assessment.assess import MEASUREMENT
 from ambkit.base.errors import AmbkitError
 from ambkit.control.control import Control
@@ -175,7 +175,7 @@ def test_a_sine_beside_the_speed_tells_itself_from_what_still_settles():
     """An unbalance that the estimator is told little of settles in 5 s, at the speed: 50 Hz."""
     filter = filter_for(TUM, FREE)
     found = ambkit.assess(TUM, filter, FREE)
-    rig = _Rig(found.of, filter, found.loops[filter.name].loop, 0)
+    rig = _NoiselessLoop(found.of, filter, found.loops[filter.name].loop, 0)
     assert np.abs(rig.slow).max() ** (1 / TUM.sampling_time) > math.exp(-1 / 5)
     f, part = rig.sine(1e-6, 48.4)
     swept = rig.swept(1e-6, np.array([f]), [part])

@@ -20,7 +20,7 @@ from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models import plant_parts
-from ambkit.models.continuous import Behind, behind_magnets, continuous
+from ambkit.models.continuous import ForceLag, behind_magnets, continuous
 from ambkit.simulation.run import simulate_run
 
 LAG = 0.3e-3
@@ -48,7 +48,7 @@ def test_the_force_of_a_held_rotor_follows_as_a_first_order_lag():
 def test_a_chain_of_states_is_what_its_matrices_say():
     """The next part needs no C: two lags and a share that acts at once."""
     A, b = np.array([[-2e3, 0.0], [5e3, -5e3]]), np.array([2e3, 0.0])
-    chain = Behind(("a", "b"), A, b, np.array([0.3, 0.5]), 0.2)
+    chain = ForceLag(("a", "b"), A, b, np.array([0.3, 0.5]), 0.2)
     run = driven(
         np.full(30, 0.5), plant_parts.behind_fields(chain, "float64"), m=HEAVY, substeps=16
     )

@@ -173,7 +173,7 @@ def sweep(
     for level in levels:
         if not (math.isfinite(level) and level > 0):
             raise AmbkitError(f"an amplitude must be greater than 0 m, is {level:g} m")
-    rig = _Rig(of, arguments.filters, None if loop is None else loop.loop, at)
+    rig = _NoiselessLoop(of, arguments.filters, None if loop is None else loop.loop, at)
     rig.disturb(arguments.position, arguments.disturbance)
     if loop is None:
         rig.check()
@@ -194,7 +194,7 @@ def _linear(arguments: LoopArguments, orbit: Any) -> tuple[LoopBuilder, str, Ass
     return loop.of, name, loop
 
 
-class _Rig:
+class _NoiselessLoop:
     """The simulated loop, without noise."""
 
     def __init__(self, of: LoopBuilder, filter: Any, model: Loop | None, axis: int) -> None:

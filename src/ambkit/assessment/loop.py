@@ -124,7 +124,7 @@ def assessed(name: str, loop: Loop, of: LoopBuilder) -> AssessedLoop:
     S, counts, p = loop.along_axes(f), f <= of.top, loop.axes
     noise = np.sqrt(np.diag(loop.noise_covariance(*of.noise())))
     currents = np.array([b.amplifier.gain for b in of.isolated]) * noise[p:]
-    responses = of.turned(loop)
+    responses = of.harmonic_responses(loop)
     axis_demands = demands(loop, of.machine, of.point, currents, noise[:p], responses)
     axes = {}
     for k, axis in enumerate(of.axes):

@@ -279,11 +279,11 @@ class _Run:
         peaks = [highest(partial(loop.of_axis, k), f[counts], S[counts, k, k])[0] for k in range(p)]
         sizes = np.linalg.norm(S, 2, axis=(1, 2))
         largest = highest(loop.largest_sensitivity, f, sizes)[0]
-        responses = of.turned(loop)
+        responses = of.harmonic_responses(loop)
         return np.array(peaks), largest, poles, *self._loads(of, loop, responses)
 
     def _loads(
-        self, of: LoopBuilder, loop: Loop, responses: list[capacity.Turned]
+        self, of: LoopBuilder, loop: Loop, responses: list[capacity.HarmonicResponse]
     ) -> tuple[Array, Array, Array | None, Array | None]:
         """Return displacement [m], current [A], voltage [1] and temperature [K] of each axis."""
         p, pairs, point = loop.axes, capacity.synchronous_pairs(of.machine), self.point
@@ -308,7 +308,9 @@ class _Run:
             np.array(temperatures) if len(temperatures) == p else None,
         )  # fmt: skip
 
-    def share(self, of: LoopBuilder, axis: int, responses: list[capacity.Turned]) -> float | None:
+    def share(
+        self, of: LoopBuilder, axis: int, responses: list[capacity.HarmonicResponse]
+    ) -> float | None:
         """Return the maximum voltage of an axis's coils, over its limit [1]."""
         b, limit = of.isolated[axis], of.isolated[axis].amplifier.voltage_limit
         iu, x = float(self.point.iu[axis]), float(self.point.x[axis])
@@ -318,7 +320,7 @@ class _Run:
                 b, iu, x, f, np.array([response.i[axis]]), np.array([response.x[axis]])
             )
             for response in responses
-            or [capacity.Turned(0 * self.point.x + 0j, 0 * self.point.x + 0j)]
+            or [capacity.HarmonicResponse(0 * self.point.x + 0j, 0 * self.point.x + 0j)]
         ]
         known = [of_coil for of_coil in coil_voltages if of_coil is not None]
         if limit is None or len(known) < len(coil_voltages):

@@ -143,7 +143,7 @@ def over_speed_figure(result: Any, zones: Sequence[tuple[str, float]]) -> Figure
     ]
     peaks += _of_axes(result, result.peaks)
     peaks.append(Line(result.speed, result.largest, signal="bound", label="largest singular value"))
-    top = SLOW * max(float(result.speed[-1]), 2 * math.pi * _busy(result))
+    top = SLOW * max(float(result.speed[-1]), 2 * math.pi * _fastest_mode(result))
     speeds, frequencies, ratios = list[float](), list[float](), list[float]()
     for speed, poles in zip(result.speed, result.poles, strict=True):
         size = np.abs(poles)
@@ -243,7 +243,7 @@ def _of_axes(result: Any, values: Vector) -> list[Item]:
     ]  # fmt: skip
 
 
-def _busy(result: Any) -> float:
+def _fastest_mode(result: Any) -> float:
     """Return the frequency of the fastest lightly damped mode at standstill [Hz]."""
     poles = result.poles[0]
     swings = (poles.imag > 0) & (-poles.real < 0.7 * np.abs(poles))

@@ -36,7 +36,7 @@ class InvalidValue(ValueError):
         self.key = key
 
 
-class _Bare(float):
+class _WithoutUnit(float):
     """A number in a file, without unit."""
 
 
@@ -46,7 +46,7 @@ def _value(value: Any, info: ValidationInfo) -> Any:
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         text = f"must be a number with its unit, is {value!r:.60}"
         raise PydanticCustomError("problem", "{text}", {"text": text})
-    return _Bare(value) if info.context is not None else float(value)
+    return _WithoutUnit(value) if info.context is not None else float(value)
 
 
 def _written(value: float | str, info: SerializationInfo) -> float | str:
@@ -162,7 +162,7 @@ class Varied(Part):
         value = getattr(self, name)
         if not key.unit:
             raise InvalidValue("what", f'{self.what} is no number: let it vary by type = "choice"')
-        if isinstance(value, _Bare) and key.unit != "1":
+        if isinstance(value, _WithoutUnit) and key.unit != "1":
             raise InvalidValue(
                 name, f"{value:g} has no unit, write it in {key.unit} or in % of nominal"
             )

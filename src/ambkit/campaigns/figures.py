@@ -59,7 +59,7 @@ def in_words(names: Sequence[str]) -> list[str]:
     """Return keys in words: the last part of each, and more where two are equal."""
 
     def last(name: str, steps: int) -> str:
-        whose, rest = _whose(name)
+        whose, rest = _split_name(name)
         parts = [item for item in rest.split(".") if item not in _SAYS_NOTHING]
         return whose + " ".join(parts[-steps:]).replace("_", " ")
 
@@ -72,7 +72,7 @@ def in_words(names: Sequence[str]) -> list[str]:
     return results
 
 
-def _whose(name: str) -> tuple[str, str]:
+def _split_name(name: str) -> tuple[str, str]:
     """Return the bearing, sensor or plane of a key, and the rest of the key."""
     kind, which, rest = (*name.split(".", 2), "", "")[:3]
     counted = which.isdecimal() or which[:1].isupper()

@@ -154,7 +154,7 @@ def campaign(
     return Campaign(Path(folder), plan, tuple(range(end)))
 
 
-class Begun(NamedTuple):
+class CampaignProgress(NamedTuple):
     """A study, its folder, and numbers of finished and of all runs."""
 
     study: Study
@@ -163,7 +163,9 @@ class Begun(NamedTuple):
     of: int
 
 
-def begun(study: Study | str | os.PathLike[str], folder: str | os.PathLike[str] | None) -> Begun:
+def campaign_progress(
+    study: Study | str | os.PathLike[str], folder: str | os.PathLike[str] | None
+) -> CampaignProgress:
     """Return the progress of a campaign; the default folder is named as the study's file."""
     of_type(Study, str, os.PathLike, study=study)
     if folder is None:
@@ -174,7 +176,7 @@ def begun(study: Study | str | os.PathLike[str], folder: str | os.PathLike[str] 
     plan = Plan(known)
     on_cluster = Folder(folder, plan).done()
     runs = sum(stop - first for first, stop in map(plan.span, on_cluster))
-    return Begun(known, Path(folder), runs, plan.runs)
+    return CampaignProgress(known, Path(folder), runs, plan.runs)
 
 
 Executor = Callable[[Plan, list[int]], Iterator[tuple[int, Rows]]]

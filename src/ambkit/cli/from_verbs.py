@@ -88,7 +88,7 @@ def width() -> int:
     return min(shutil.get_terminal_size().columns, 100)
 
 
-class Once(argparse.Action):
+class SingleUse(argparse.Action):
     """An option that may appear once; otherwise the first of two would be ignored."""
 
     def __call__(self, parser: Any, namespace: Any, values: Any, option: str | None = None) -> None:
@@ -143,7 +143,7 @@ def parser_of(name: str, verb: Callable[..., Any]) -> Parser:
                 f"--{parameter.name.replace('_', '-')}", dest=parameter.name,
                 help=text + REPEATED * (settings.get("action") == "append")
                 + _default(parameter.default),
-                default=argparse.SUPPRESS, required=required, **{"action": Once} | settings,
+                default=argparse.SUPPRESS, required=required, **{"action": SingleUse} | settings,
             )  # fmt: skip
     if "--out" not in parser._option_string_actions:  # else the verb writes a folder itself
         _add_outputs(parser, name, verb)

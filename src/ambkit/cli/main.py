@@ -24,7 +24,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     standalone = arguments is None
     try:
         if standalone:
-            sys.unraisablehook = _heed_interrupts
+            sys.unraisablehook = _repeat_interrupt
             # Figures are written to files; matplotlib must not require a display.
             os.environ.pop("MPLBACKEND", None)
             gc.set_threshold(100_000, 50, 100)  # garbage collection took a tenth of a command
@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     sys.exit(code)
 
 
-def _heed_interrupts(lost: Any) -> None:
+def _repeat_interrupt(lost: Any) -> None:
     """Repeat a Ctrl-C that Python ignored within a callback, of which imports have many."""
     if not isinstance(lost.exc_value, KeyboardInterrupt):
         sys.__unraisablehook__(lost)

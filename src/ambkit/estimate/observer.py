@@ -42,7 +42,7 @@ DOUBLINGS = 40  #: Doublings of the steps after which a constant gain has settle
 BANDWIDTHS = tuple(2 ** (n / 4) for n in range(-4, 41))
 """Candidate observer poles, over the unstable pole: selected is the least stated position error."""
 
-LED = ("position", "velocity", "disturbance force", "sensor")
+PLACED = ("position", "velocity", "disturbance force", "sensor")
 """Roles of the states with placed poles; currents follow from the controls."""
 
 
@@ -89,7 +89,8 @@ class _Observer(Estimator):
             L = self._gain(small._replace(R=R), full_model.states, coarse=coarse)
         P, S = _steady(small._replace(R=max(R, small.R)), L)
         most = np.array(self.view.caps(full_model.states)) / units
-        state_limits = np.minimum(2 * _grown(small, L, most) * units, np.finfo(np.float32).max)
+        error = _largest_error(small, L, most) * units
+        state_limits = np.minimum(2 * error, np.finfo(np.float32).max)
         own = [full_model.index(state.name) for state in engine.states]
         self.gain, far = (L * units)[own], state_limits[own]
         upper = (P * np.outer(units, units))[np.ix_(own, own)][np.triu_indices(len(own))]
@@ -147,13 +148,13 @@ class ExtendedStateObserver(_Observer):
         super().__init__(machine, magnet, **options)
 
     def _gain(self, model: LinearModel, states: Sequence[Descriptor], *, coarse: bool) -> Array:
-        led = [i for i, state in enumerate(states) if state.role in LED]
-        A, H = _of_the_led(model.A, led), model.H[:, led]
+        placed_states = [i for i, state in enumerate(states) if state.role in PLACED]
+        A, H = _placed_subsystem(model.A, placed_states), model.H[:, placed_states]
 
         def gain(bandwidth: float) -> Array:
             pole = math.exp(-bandwidth * self.machine.sampling_time)
             result = np.zeros(len(states))
-            result[led] = placed(model._replace(A=A, H=H), pole, keep_sensor=coarse)
+            result[placed_states] = placed(model._replace(A=A, H=H), pole, keep_sensor=coarse)
             return result
 
         if self.bandwidth is None:
@@ -208,14 +209,14 @@ def _full_model(engine: Engine) -> Model:
     return compose(parts, engine.machine.sampling_time, name="axial")
 
 
-def _of_the_led(A: Array, led: list[int]) -> Array:
+def _placed_subsystem(A: Array, kept: list[int]) -> Array:
     """Return the transition of some states, with others that depend on them."""
-    others = [k for k in range(len(A)) if k not in led]
+    others = [k for k in range(len(A)) if k not in kept]
     fast = np.eye(len(others)) - A[np.ix_(others, others)]
-    if not A[np.ix_(others, led)].any():  # they follow from the controls only
-        return A[np.ix_(led, led)]
-    held = np.linalg.lstsq(fast, A[np.ix_(others, led)])[0]
-    return np.asarray(A[np.ix_(led, led)] + A[np.ix_(led, others)] @ held)
+    if not A[np.ix_(others, kept)].any():  # they follow from the controls only
+        return A[np.ix_(kept, kept)]
+    held = np.linalg.lstsq(fast, A[np.ix_(others, kept)])[0]
+    return np.asarray(A[np.ix_(kept, kept)] + A[np.ix_(kept, others)] @ held)
 
 
 def unstable_pole(machine: Machine) -> float:
@@ -251,7 +252,7 @@ def placed(model: LinearModel, pole: float, *, keep_sensor: bool = False) -> Arr
     return L
 
 
-def _grown(model: LinearModel, L: Array, start: Array) -> Array:
+def _largest_error(model: LinearModel, L: Array, start: Array) -> Array:
     """Return the maximum (n,) of an error that starts within plus or minus ``2 start`` (n,)."""
     # That is the error of a start between the caps, and of a mean limited to them.
     n = len(L)

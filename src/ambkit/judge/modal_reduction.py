@@ -113,10 +113,10 @@ class Reduction:
         if w.share:
             deviation = (
                 f"off by {percent(w.share)} at most, {engineering(w.kept / 2 / math.pi, 'Hz', 4)} "
-                f"where the full matrices have {_way(w.full)} at {rpm(w.speed)}"
+                f"where the full matrices have {_whirl_text(w.full)} at {rpm(w.speed)}"
             )
         if not math.isnan(w.left_out):
-            deviation += f", and {_way(w.left_out)} at {rpm(w.left_out_at)} is left out"
+            deviation += f", and {_whirl_text(w.left_out)} at {rpm(w.left_out_at)} is left out"
         return f"free whirl frequencies {to}: {deviation}"
 
     def _of_critical(self) -> list[str]:
@@ -250,7 +250,7 @@ def _peaks(machine: Machine, many: Machine) -> tuple[Peak | None, complex | None
     return worst, None
 
 
-def _way(whirl: float) -> str:
+def _whirl_text(whirl: float) -> str:
     way = "forward" if whirl > 0 else "backward"
     return f"{engineering(abs(whirl) / 2 / math.pi, 'Hz', 4)} {way}"
 

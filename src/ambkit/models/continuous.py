@@ -43,7 +43,7 @@ OWN_TEXT = ("position", "velocity", "bending", "bending velocity", "sensor", "cu
 """Roles of the states whose equations are in the plant itself (sim/plant.c), with their limits."""
 
 
-class Behind(NamedTuple):
+class ForceLag(NamedTuple):
     """Linear states e between a magnet's force F and the rotor: ``e' = A e + b F``."""
 
     # The acting force is ``c e + d F``.
@@ -65,7 +65,7 @@ class Behind(NamedTuple):
         return np.asarray(e, complex), complex(self.c @ e + self.d)
 
 
-def behind_magnets(of: Continuous) -> list[Behind]:
+def behind_magnets(of: Continuous) -> list[ForceLag]:
     """Return the dynamics between the force of each axis's magnet and the rotor."""
     others = [k for k, state in enumerate(of.states) if state.role not in OWN_TEXT]
     results = []
@@ -74,7 +74,7 @@ def behind_magnets(of: Continuous) -> list[Behind]:
         at = int(np.argmax(np.abs(force_input)))
         c, d = of.A[at, states] / force_input[at], float(of.b[at, axis] / force_input[at])
         results.append(
-            Behind(
+            ForceLag(
                 tuple(of.states[k].name for k in states), of.A[np.ix_(states, states)],
                 of.b[states, axis], c, d,
             )

@@ -13,12 +13,12 @@ from ambkit.machine.accessories import SHORTEST_LAG, Runout
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import Amplifier, Sensor
-from ambkit.models.continuous import Behind, behind_magnets, continuous
+from ambkit.models.continuous import ForceLag, behind_magnets, continuous
 from ambkit.models.parts import BEHIND_MAGNETS
 
 
 def substeps(
-    machine: Machine, behind: Sequence[Behind | None], least: int, max_speed: float
+    machine: Machine, behind: Sequence[ForceLag | None], least: int, max_speed: float
 ) -> int:
     """Runge-Kutta steps per sample: fast dynamics need short ones."""
     # Two per sensor lag, which is unstable beyond 2.8 lags per step; four per time constant of a
@@ -86,7 +86,7 @@ def between_magnet_and_rotor(machine: Machine) -> tuple[str, ...]:
     return () if behind is None else behind.states
 
 
-def _behind(machine: Machine) -> Behind | None:
+def _behind(machine: Machine) -> ForceLag | None:
     """Return the dynamics between the magnet of an axis and its rotor."""
     # A machine is only built if there is any: campaigns ask for each run.
     if all(getattr(machine.magnet, kind.key) is None for kind in BEHIND_MAGNETS):
@@ -94,14 +94,14 @@ def _behind(machine: Machine) -> Behind | None:
     return behind_magnets(continuous(machine))[0]
 
 
-def fastest(behind: Behind | None) -> float:
+def fastest(behind: ForceLag | None) -> float:
     """Rate of the fastest of the states between a magnet and its rotor [rad/s]."""
     if behind is None or not behind.states:
         return 0.0
     return float(np.abs(np.linalg.eigvals(behind.A)).max())
 
 
-def behind_fields(behind: Behind | None, dtype: str) -> dict[str, Any]:
+def behind_fields(behind: ForceLag | None, dtype: str) -> dict[str, Any]:
     """Return the dynamics between a magnet and its rotor, by the names of ``amb_parts``."""
     if behind is None or not behind.states:
         return {}

@@ -142,7 +142,7 @@ class Loop:
             estimator = default_filter(machine)
         self.estimator = estimator
         self._impose(magnet)
-        self._form = self._formed(magnet, controllers)
+        self._form = self._make_form(magnet, controllers)
         if self.external_inputs.references is not None:
             self._reference = self._reference + self.external_inputs.references
         own, plant = self.scenario.controller.custom, self.scenario.plant
@@ -152,8 +152,8 @@ class Loop:
             "own_controller": None if own is None else OwnController(own, machine),
             "own_plant": None if plant is None else OwnPlant(plant, machine),
         }
-        self._goes: Any = None  # state of the loop between two segments
-        self._turns: tuple[Any, Any] = None, None  # an estimator, and its rotating model
+        self._state: Any = None  # state of the loop between two segments
+        self._rotating_model: tuple[Any, Any] = None, None  # an estimator, and its rotating model
         self._measured_rotation: NDArray[Any] | None = None  # its inputs from the rotation
         self._at = 0
 
@@ -188,7 +188,7 @@ class Loop:
             self._faults = replace(faults, y_plus=faults.y_plus + later)
             self._y_injected = np.where(adds, self._y_injected, 0.0)
 
-    def _formed(
+    def _make_form(
         self, magnet: MagnetModel | None, controllers: Controllers | Sequence[PID] | None
     ) -> StraightLine | InLoops:
         machine, scenario, t = self.machine, self.scenario, self._t
@@ -301,26 +301,27 @@ class Loop:
             "on": converter(self._energised) if self._fails else None,
         }  # fmt: skip
         of_form = self._form.arguments(self.core, estimator, external_inputs.place, **own)
-        return core_arguments | self._own | of_form | self._turning(here)
+        return core_arguments | self._own | of_form | self._rotation_arguments(here)
 
-    def _turning(self, here: slice) -> dict[str, Any]:
+    def _rotation_arguments(self, here: slice) -> dict[str, Any]:
         """Return the arguments of a core: rotation, base motion."""
         if self._speed is None or self._base is None:
             return {}
-        if (estimator := self.estimator) is not None and self._turns[0] is not estimator:
+        if (estimator := self.estimator) is not None and self._rotating_model[0] is not estimator:
             follows = self._measured_rotation = None
             if self.readings is not None and estimator.machine.angle is not None:
                 follows = self._measured_rotation = estimator.follow_angle(self.readings)
             else:
                 follows = estimator.follow_speed(self._speed, self._speed.size)
-            self._turns = estimator, None if follows is None else estimator.engine.model_of_core
+            model = None if follows is None else estimator.engine.model_of_core
+            self._rotating_model = estimator, model
         return {
             "speed": self._speed[here.start : here.stop + 1].astype(self.precision),
-            "base": self._base[here].astype(self.precision), "model": self._turns[1],
+            "base": self._base[here].astype(self.precision), "model": self._rotating_model[1],
             "rotation": None if self._measured_rotation is None else self._measured_rotation[here],
         }  # fmt: skip
 
-    def _stretch(self, until: float | None) -> slice:
+    def _next_samples(self, until: float | None) -> slice:
         """Return the next samples, checked."""
         precision, T, n = self.precision, self.machine.sampling_time, self._t.size
         if self._at == 0:
@@ -353,16 +354,16 @@ class Loop:
 
     def run(self, until: float | None = None) -> Run:
         """Simulate to the end of the scenario, or to a time before it."""
-        here, estimator = self._stretch(until), self.estimator
-        if self._goes is None:
-            self._goes = self.core.LoopState()
+        here, estimator = self._next_samples(until), self.estimator
+        if self._state is None:
+            self._state = self.core.LoopState()
         if self._at == 0 and estimator is not None:
-            self._turning(here)
+            self._rotation_arguments(here)
             estimator.reset(self.start)
             if self.external_inputs.exported is not None and self.scenario.sequence is None:
                 first = self._simulate(slice(0, 1), self.core.LoopState())["y"]
                 estimator.reset(estimator.initial_state(np.asarray(first, float)))
-        out = self._simulate(here, self._goes)
+        out = self._simulate(here, self._state)
         self._at = here.stop
         if self._faults is not None:  # a record holds no infinities
             out |= {k: np.where(np.isinf(out[k]), np.nan, out[k]) for k in "yu"}

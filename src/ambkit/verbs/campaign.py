@@ -60,7 +60,7 @@ def campaign(
 
     from ambkit.campaigns import run
 
-    known, place, begun, of = run.begun(study, folder)
+    known, place, begun, of = run.campaign_progress(study, folder)
     again = f"finished parts are kept in {place}, the same command goes on"
     with interrupted_says(again), progress(known.name, of, unit="runs", begun=begun) as done:
         result = run.campaign(

@@ -29,7 +29,7 @@ SIGNALS = {"x": "m", "f_d": "N"}
 
 
 @dataclass(frozen=True)
-class Traded:
+class TradeOffPoint:
     """A filter tuned with a limit on the sensitivity peak."""
 
     ceiling: float  #: Limit of the peak of abs(S) [1].
@@ -59,7 +59,7 @@ class TradeOff(Result):
 
     machine: Machine  #: The machine.
     kind: str  #: Kind of filter.
-    points: tuple[Traded, ...]  #: Filters by their limits.
+    points: tuple[TradeOffPoint, ...]  #: Filters by their limits.
 
     TITLE = "{0.kind} for {0.machine.name}, tuned in simulated runs"
 
@@ -138,7 +138,7 @@ def trade_off(
     if not peak_limits:
         raise AmbkitError("peaks must be one value or more")
     judge = SimulationObjective(machine, seeds)
-    points, refused = list[Traded](), None
+    points, refused = list[TradeOffPoint](), None
     for peak_limit in sorted(peak_limits):
         try:
             result = tune(
@@ -147,11 +147,11 @@ def trade_off(
             )  # fmt: skip
         except InfeasibleError as error:
             refused = error
-            points.append(Traded(peak_limit, None, float("nan"), {}))
+            points.append(TradeOffPoint(peak_limit, None, float("nan"), {}))
             continue
         figures = judge.figures(lambda of=result: of.estimator)  # type: ignore[misc]
         errors = {name: figures[f"error of {name}"] for name in SIGNALS}
-        points.append(Traded(peak_limit, result, result.peak, errors))
+        points.append(TradeOffPoint(peak_limit, result, result.peak, errors))
     if refused is not None and all(point.tuned is None for point in points):
         raise refused
     return TradeOff(machine, kind, tuple(points))

@@ -68,7 +68,7 @@ def in_words(model: type[BaseModel], error: Mapping[str, Any]) -> Problem:
         case "extra_forbidden":
             return _unknown(model, problem)
         case "missing":
-            purpose = _purpose(fields_of(model)[str(path[-1])])
+            purpose = _description(fields_of(model)[str(path[-1])])
             return problem._replace(text=f"missing{purpose}", missing=True)
         case "union_tag_not_found":
             text = f"missing: {_one_of(_kinds(fields_of(model)[str(path[0])].annotation))}"
@@ -155,7 +155,7 @@ def table_of(model: type[BaseModel]) -> str:
     return "a table with " + "; optional ".join(filter(None, (required, optional)))
 
 
-def _purpose(field: FieldInfo) -> str:
+def _description(field: FieldInfo) -> str:
     """Return the purpose of a key, with an example."""
     if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
         return f": {table_of(field.annotation)}"

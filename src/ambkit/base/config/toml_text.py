@@ -80,7 +80,7 @@ def _read(lines: list[str], result: TomlText) -> None:
         except tomllib.TOMLDecodeError as error:
             place, message = _PLACE.search(str(error)), _PLACE.sub("", str(error))
             at = done + int(place[1]) if place and place[1] else len(lines)
-            mended, advice = _mend(lines[at - 1], message)
+            mended, advice = _repaired(lines[at - 1], message)
             if mended:
                 result.problems.append((at, advice))
                 lines[at - 1], done = mended, at
@@ -127,7 +127,7 @@ def _drop_duplicates(lines: list[str]) -> list[tuple[int, str]]:
     return problems
 
 
-def _mend(line: str, message: str) -> tuple[str | None, str]:
+def _repaired(line: str, message: str) -> tuple[str | None, str]:
     """Return the line as probably intended, or None if unclear; and the message."""
     key = line.partition("=")[0].strip()
     if message.startswith("an integer"):

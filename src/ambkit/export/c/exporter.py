@@ -253,7 +253,7 @@ def write_folder(folder: Path, texts: dict[str, str]) -> Path:
             f"{folder}: holds other files, and the {len(texts) + 1} of an export would lie among "
             "them; take a new folder or an empty one"
         )
-    older = _older(folder / MANIFEST)
+    older = _earlier_files(folder / MANIFEST)
     for name, text in texts.items():
         path = folder / name
         same = path.is_file() and path.read_bytes() == text.encode()
@@ -270,7 +270,7 @@ def write_folder(folder: Path, texts: dict[str, str]) -> Path:
     return folder
 
 
-def _older(manifest: Path) -> set[str]:
+def _earlier_files(manifest: Path) -> set[str]:
     """Return the files of an older export, except outside its folder."""
     if not manifest.exists():
         return set()

@@ -162,7 +162,7 @@ def _names(export: Export) -> dict[str, Any]:
         "sources": export.sources,
         "calibrated": export.calibrated,
         "bit_headers": _bit_headers(export.core_files, filter_only=export.one is None),
-        "cast_sources": _casts(export),
+        "cast_sources": _sources_with_casts(export),
         "selftest_sources": export.tests,
         "constant_stiffness": export.constant_stiffness,
         "in_core": in_core,
@@ -304,7 +304,7 @@ def _assumed(filter: Estimator) -> dict[str, str]:
     return assumptions
 
 
-def _casts(export: Export) -> tuple[str, ...]:
+def _sources_with_casts(export: Export) -> tuple[str, ...]:
     """Return the files that cast from ``void *``, which MISRA C advises against."""
     stems = [] if export.constant_stiffness else [export.kinds[0].source]
     if export.in_core is not None:

@@ -34,7 +34,7 @@ def size(export: Path, board: Board, into: Path, several: bool) -> Built:
     name = f"{PREFIX}_control" if several else PREFIX
     into.mkdir(parents=True, exist_ok=True)
     if not board.compiler.startswith(ARM):
-        return _elsewhere(export, board, into)
+        return _compile_only(export, board, into)
     objects = compiled(export, board, into, "-fcallgraph-info=su")
     partial = into / "export.o"
     roots = [f"-u{name}_{function}" for function in _CALLS]
@@ -54,7 +54,7 @@ def size(export: Path, board: Board, into: Path, several: bool) -> Built:
     )  # fmt: skip
 
 
-def _elsewhere(export: Path, board: Board, into: Path) -> Built:
+def _compile_only(export: Path, board: Board, into: Path) -> Built:
     """Compile with a compiler whose sizes are not parsed, to check that it compiles."""
     for source in sources(export):
         includes = [f"--include_path={export / at}" for at in (".", "core/include", "core")]

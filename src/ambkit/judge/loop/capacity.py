@@ -141,7 +141,7 @@ class Demands:
         return next((name for name, limit in ROOM if share < limit), "D")
 
 
-class Turned(NamedTuple):
+class HarmonicResponse(NamedTuple):
     """Response along one line to an excitation at a multiple of the speed: complex amplitudes."""
 
     x: Complex  #: Displacements (p,) of the axes [m].
@@ -154,7 +154,7 @@ def demands(
     point: OperatingPoint,
     current_noise: Array,
     position_noise: Array,
-    responses: Sequence[Turned],
+    responses: Sequence[HarmonicResponse],
 ) -> list[Demands]:
     """Return the demands of a stable loop on each axis of its machine."""
     # Linear, and of the ideal coil: the voltage is that of its resistance and of its flux ``2 k
@@ -250,7 +250,7 @@ def synchronous_pairs(of: Machine) -> list[tuple[int, ...]]:
     ]
 
 
-def of_runout(loop: Loop, of: Machine) -> list[Turned]:
+def of_runout(loop: Loop, of: Machine) -> list[HarmonicResponse]:
     """Return the response to each order of each sensor's runout."""
     speed, gains = abs(of.speed), [b.amplifier.gain for b in isolated_axes(of)]
     if not speed:
@@ -268,17 +268,17 @@ def of_runout(loop: Loop, of: Machine) -> list[Turned]:
                     added[k] = line.amplitude * at.gain * late / (1 + 2j * math.pi * f * lag)
                     turn += 1
             x, u = loop.noise_to_position([f])[0] @ added, loop.noise_to_control([f])[0] @ added
-            results.append(Turned(x, np.array(gains) * u))
+            results.append(HarmonicResponse(x, np.array(gains) * u))
     return results
 
 
-def of_unbalance(loop: Loop, machine: Machine, point: OperatingPoint) -> Turned:
+def of_unbalance(loop: Loop, machine: Machine, point: OperatingPoint) -> HarmonicResponse:
     """Return the response to a machine's unbalance at its speed."""
     planes = machine.unbalances()
     columns = unbalance_columns(machine, point, [z for z, _, _ in planes])
     unbalance = np.array([amount * np.exp(1j * angle) for _, amount, angle in planes])
     x, u = loop.driven(columns @ unbalance, machine.speed / (2 * math.pi))
-    return Turned(x, np.array([b.amplifier.gain for b in isolated_axes(machine)]) * u)
+    return HarmonicResponse(x, np.array([b.amplifier.gain for b in isolated_axes(machine)]) * u)
 
 
 def voltage(

@@ -27,7 +27,7 @@ from ambkit.control.pid import PID
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.machine_model import View
-from ambkit.judge.loop.capacity import Turned, of_runout, of_unbalance
+from ambkit.judge.loop.capacity import HarmonicResponse, of_runout, of_unbalance
 from ambkit.judge.loop.margins import axis_peaks
 from ambkit.judge.loop.synthesis import LQG, Noise, block_diagonal, hinf, least_peaks
 from ambkit.machine.axes import isolated_axes
@@ -101,11 +101,11 @@ class LoopBuilder:
         self.plant = plant(self.machine, self.point)
         self.top = max_frequency(self.machine.sampling_time, self.machine.speed)
 
-    def turned(self, loop: Loop) -> list[Turned]:
+    def harmonic_responses(self, loop: Loop) -> list[HarmonicResponse]:
         """Return the synchronous response of a stable loop: runout, and unbalance or the orbit."""
         result = of_runout(loop, self.machine)
         if self.point.orbit is not None:
-            result.append(Turned(self.point.orbit.x, self.point.orbit.demanded))
+            result.append(HarmonicResponse(self.point.orbit.x, self.point.orbit.demanded))
         elif self.machine.speed and self.machine.unbalance:
             result.append(of_unbalance(loop, self.machine, self.point))
         return result

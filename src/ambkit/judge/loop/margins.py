@@ -296,11 +296,11 @@ def bode_integral(loop: Loop) -> BodeIntegral:
         return np.asarray(-np.log(np.abs(det)) * angle / math.pi)
 
     a, b = cuts[:-1], cuts[1:]
-    parts = _gauss(of, a, b)
+    parts = _gauss_legendre(of, a, b)
     integral = 0.0
     for _ in range(HALVINGS if loop.plant.T is None else 0):
         middle = (a + b) / 2
-        left, right = _gauss(of, a, middle), _gauss(of, middle, b)
+        left, right = _gauss_legendre(of, a, middle), _gauss_legendre(of, middle, b)
         off = np.abs(left + right - parts) > EXACT * max(lost, 1.0)
         integral += float((left + right)[~off].sum())
         a, b = np.concatenate([a[off], middle[off]]), np.concatenate([middle[off], b[off]])
@@ -308,7 +308,7 @@ def bode_integral(loop: Loop) -> BodeIntegral:
     return BodeIntegral(integral + float(parts.sum()), lost)
 
 
-def _gauss(of: Callable[[Array], Array], a: Array, b: Array) -> Array:
+def _gauss_legendre(of: Callable[[Array], Array], a: Array, b: Array) -> Array:
     """Return the integrals (k,) of a function over panels, by Gauss's rule."""
     # a, b (k,)
     nodes, weights = np.polynomial.legendre.leggauss(16)

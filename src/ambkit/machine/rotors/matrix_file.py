@@ -41,7 +41,7 @@ def read_matrices(path: str | os.PathLike[str]) -> Matrices:
         if lacking:
             there = ", ".join(result) or "nothing"
             raise ValueError(f"has no {', '.join(lacking)}; it holds {there}")
-        return _in_one_plane(_Whole(result))
+        return _in_one_plane(_FileMatrices(result))
     except ValueError as error:
         raise RecordError(f"{os.fspath(path)}: {error}") from None
 
@@ -96,7 +96,7 @@ def _head(stream: IO[bytes], name: str) -> tuple[tuple[int, ...], np.dtype[Any],
     return tuple(shape), kind, stream.tell()
 
 
-class _Whole:
+class _FileMatrices:
     """The matrices of the file, in SI."""
 
     def __init__(self, results: Mapping[str, NDArray[Any]]) -> None:
@@ -151,7 +151,7 @@ class _Whole:
         return rows
 
 
-def _in_one_plane(shaft: _Whole) -> Matrices:
+def _in_one_plane(shaft: _FileMatrices) -> Matrices:
     """Return the matrices of one plane, after checking that the shaft is axisymmetric."""
     x, y = shaft.rows("x", "th_y"), shaft.rows("y", "th_x")
     signs = np.where(np.arange(len(y)) % 2, -1.0, 1.0)  # the rotation in the y plane is -th_x
