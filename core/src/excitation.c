@@ -61,8 +61,10 @@ void amb_excitation_hold(amb_excitation *e, const amb_kalman *kf)
 {
   const int n = amb_states(&kf->model);
   for (int i = 0; i < n; i++) {
-    const amb_real most = AMB_BOUNDLESS * kf->set.cap[i];
-    e->slope[i] = AMB_WITHIN(e->slope[i], most) ? e->slope[i] : AMB_C(0.0);
+    if (!AMB_WITHIN(e->slope[i], AMB_BOUNDLESS * kf->set.cap[i])) {
+      e->slope[i] = AMB_C(0.0);
+      e->sample_information = AMB_C(0.0);
+    }
   }
 }
 

@@ -269,6 +269,9 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
     amb_excitation_miss(&s->excitation);
     s->excited = false;
   }
+  if ((status & AMB_BAD_VARIANCE) != 0U) { /* it has corrected the slopes, too */
+    amb_excitation_reset(&s->excitation, s->base.mean);
+  }
   return status;
 }
 

@@ -92,7 +92,7 @@ void amb_excitation_predict(amb_excitation *e, const amb_model *model,
 void amb_excitation_update(amb_excitation *e, const amb_model *model, int r,
                            const amb_real with_y[AMB_STATES], amb_real S);
 
-/* Resets slopes beyond AMB_BOUNDLESS caps, or not finite, to 0. */
+/* Resets slopes beyond AMB_BOUNDLESS caps, or not finite, to 0, and what they informed. */
 void amb_excitation_hold(amb_excitation *e, const amb_kalman *kf);
 
 /* After all measurements of a sample; mean: the corrected states. True if theta can be learned from
