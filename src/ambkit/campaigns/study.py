@@ -22,8 +22,6 @@
     contact = false
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Checks of a study: unknown keys, impossible values."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

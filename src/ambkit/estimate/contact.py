@@ -1,7 +1,5 @@
 """Extended Kalman filter of a rotor that may lie on its touch-down bearings."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

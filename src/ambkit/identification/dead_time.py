@@ -1,7 +1,5 @@
 """The acting control signal: after dead time, current lag and limits."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Adequacy of a filter for a machine: one judgement for all commands and exports."""
 
-from __future__ import annotations
-
 import hashlib
 import logging
 import math

@@ -1,7 +1,5 @@
 """A machine by name, preset or TOML file, and its levitation current."""
 
-from __future__ import annotations
-
 import difflib
 import os
 from pathlib import Path

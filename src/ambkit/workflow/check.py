@@ -1,7 +1,5 @@
 """Recognition and checking of files, and the presets."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import textwrap

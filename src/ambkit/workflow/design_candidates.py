@@ -1,7 +1,5 @@
 """The candidate filters of a design: evaluation, selection, objections."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

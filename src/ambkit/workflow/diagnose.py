@@ -1,7 +1,5 @@
 """Fault isolation along a record, and the table of what it cannot distinguish."""
 
-from __future__ import annotations
-
 import math
 import os
 from typing import Any

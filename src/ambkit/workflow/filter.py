@@ -1,7 +1,5 @@
 """Results of estimators along a record."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

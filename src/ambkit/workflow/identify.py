@@ -1,7 +1,5 @@
 """Identification from records: model, initial values, validation."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence

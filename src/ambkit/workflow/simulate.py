@@ -1,7 +1,5 @@
 """Simulation with defaults for controller, duration, step and disturbance."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Iterator, Sequence

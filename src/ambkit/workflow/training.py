@@ -1,7 +1,5 @@
 """Training of an expert for k_i and k_s, on a force law or a measured force."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Figure of a tuning: all evaluations and their cost."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

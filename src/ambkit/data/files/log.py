@@ -1,7 +1,5 @@
 """Content of a log file, before a channel map defines its meaning: arrays by name."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

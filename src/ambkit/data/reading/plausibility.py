@@ -1,7 +1,5 @@
 """Plausibility of a log: an estimate or a reference as y, a rotor that lies still."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 

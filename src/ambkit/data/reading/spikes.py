@@ -1,7 +1,5 @@
 """Spikes of a channel: a few distant samples between neighbours that agree."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambkit.base.arrays import Array, Bools, Index

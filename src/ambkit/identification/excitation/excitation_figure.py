@@ -1,7 +1,5 @@
 """Figure of an experiment: signals, spectra, and the distribution of its information."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

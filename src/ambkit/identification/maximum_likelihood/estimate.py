@@ -5,8 +5,6 @@ the information, parameters that the records cannot distinguish reported and hel
 restricted likelihood.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Fits of records in which the disturbance force steps: a model of the parts between its steps."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

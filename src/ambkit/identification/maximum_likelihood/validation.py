@@ -1,7 +1,5 @@
 """Validation of a model on other records, beside baselines without magnet model."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Bounds on the sensitivity of a loop, and H-infinity and LQG controllers near them."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Position sensor."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -23,7 +21,7 @@ class Sensor:
     place: Place = "x"  #: Place of the measurement.
 
     @classmethod
-    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Sensor]:
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> "list[Sensor]":
         """Return one for each reading."""
         far = max(s.displacement for s in sizes)
         return [
