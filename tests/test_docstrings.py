@@ -90,7 +90,7 @@ def entry(doc: str | None, name: str) -> str:
 SHAPE = re.compile(r"\((?:n|\w+,[\w ,()/+-]*|[\w +-]+,)\)|shapes? that|broadcast shape")
 UNIT = re.compile(r"\[[^\]]+\]|flags of|SI unit|scaled", re.IGNORECASE)
 AN_ARRAY = re.compile(
-    r"\b(?:Array|ArrayLike|NDArray)\b(?!\[np.bool_)|ndarray(?!\[[\w., \[\]]*bool)|_SupportsArray"
+    r"\b(?:Array|ArrayLike|NDArray)\b(?!\[np.bool_)|ndarray(?!\[[\w., ]*bool)|_SupportsArray"
 )
 """Of annotations as they are written, and as they are evaluated (numpy.ndarray[...], ArrayLike)."""
 

@@ -4,6 +4,8 @@ From a bearing's description, or a recording of the rig, to a tuned adaptive Kal
 quantities are SI. Names are imported when they are first used.
 """
 
+from __future__ import annotations
+
 import os
 import re
 from importlib import import_module

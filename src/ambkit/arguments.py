@@ -1,5 +1,7 @@
 """What a caller gives to a verb, as it is needed: objects for names, files and texts."""
 
+from __future__ import annotations
+
 import difflib
 import logging
 import os
@@ -78,7 +80,7 @@ class LoopArguments(NamedTuple):
     position: float  #: Along the axes [m].
     disturbance: Mapping[str, float]  #: By the names of the axes [N].
 
-    def one(self) -> "LoopArguments":
+    def one(self) -> LoopArguments:
         """Refuse several filters for what is of one loop."""
         if len(self.filters) > 1:
             raise AmbkitError(f"one loop has one filter, not {len(self.filters)}")

@@ -1,5 +1,7 @@
 """Results of a campaign: yield, worst machines, drivers, and replayed runs."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -110,7 +112,7 @@ class Campaign(Result, Machines):
     """
 
     @classmethod
-    def load(cls, folder: str | os.PathLike[str]) -> "Campaign":
+    def load(cls, folder: str | os.PathLike[str]) -> Campaign:
         """Return the campaign in a folder, finished or not.
 
         Parameters

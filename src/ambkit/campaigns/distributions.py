@@ -1,5 +1,7 @@
 """Distributions of varied quantities, and their tables in a study."""
 
+from __future__ import annotations
+
 import numbers
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -138,7 +140,7 @@ class Varied(Part):
         """Return the distribution."""
         raise NotImplementedError
 
-    def in_units(self, key: Key) -> "Varied":
+    def in_units(self, key: Key) -> Varied:
         """Return it with its numbers as texts with units, for a file."""
         if key.unit in ("", "1"):
             return self

@@ -1,5 +1,7 @@
 """Figures of many machines: cumulative distributions, drivers, parallel coordinates."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 from textwrap import wrap

@@ -1,5 +1,7 @@
 """Values of a machine and a run by dotted keys, such as ``magnet.air_gap``."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

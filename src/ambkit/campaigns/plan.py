@@ -1,5 +1,7 @@
 """A prepared study: from the number of a run to its machine."""
 
+from __future__ import annotations
+
 import hashlib
 import math
 from collections.abc import Iterator, Mapping
@@ -317,7 +319,7 @@ class Plan:
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
 
-    def with_design(self, estimator: Estimator, controller: Control | None) -> "Plan":
+    def with_design(self, estimator: Estimator, controller: Control | None) -> Plan:
         """Return the plan with another filter and, if given, another controller."""
         made: dict[str, Any] = {"estimators": {self.study.estimator: estimator}}
         if controller is not None:

@@ -1,5 +1,7 @@
 """Machines of a campaign, read on demand: yield, figures, worst ones."""
 
+from __future__ import annotations
+
 import math
 import shlex
 from collections.abc import Iterable, Sequence

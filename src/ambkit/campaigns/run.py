@@ -1,5 +1,7 @@
 """Execution of a campaign: parts computed here or on a cluster, and written as they finish."""
 
+from __future__ import annotations
+
 import os
 import pickle
 import time

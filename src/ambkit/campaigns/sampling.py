@@ -3,6 +3,8 @@
 Runs can therefore be computed in any order, on any machine.
 """
 
+from __future__ import annotations
+
 from functools import lru_cache
 from typing import Any
 

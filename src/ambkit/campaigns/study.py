@@ -22,6 +22,8 @@
     contact = false
 """
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path

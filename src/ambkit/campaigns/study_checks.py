@@ -1,5 +1,7 @@
 """Checks of a study: unknown keys, impossible values."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from typing import Any
 

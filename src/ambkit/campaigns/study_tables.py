@@ -1,5 +1,7 @@
 """Tables of a study: stored data, criteria of a good machine, stopping criterion."""
 
+from __future__ import annotations
+
 from typing import Annotated, Any, Literal
 
 from pydantic import Field

@@ -1,5 +1,7 @@
 """Probability of rare failures: subset simulation (Au and Beck 2001)."""
 
+from __future__ import annotations
+
 import json
 import math
 import os

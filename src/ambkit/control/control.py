@@ -1,5 +1,7 @@
 """The controllers of a machine as a file states them, and lift-off, landing and trips."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from enum import IntEnum
 from typing import Annotated, Any, Literal, Self

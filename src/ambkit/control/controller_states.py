@@ -1,5 +1,7 @@
 """Estimator, controllers, lift-off and landing together, for ``core/include/ambkit/control.h``."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
@@ -35,7 +37,7 @@ class Controller:
     @classmethod
     def of_axis(
         cls, machine: Machine, estimator: Estimator, pid: PID, sequence: LiftOff | None = None
-    ) -> "Controller":
+    ) -> Controller:
         """Return that of a single axis and its PID."""
         control: Control = as_control(pid).completed(machine)
         plant, fed = Plant(machine), control.feedback == "estimate"

@@ -1,5 +1,7 @@
 """The controllers of a machine, for ``core/include/ambkit/controllers.h``."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -55,7 +57,7 @@ class Controllers:
         rows = self.schedule.at(speed).tolist()
         return [row + pid[len(row) :] for row, pid in zip(rows, self.pids, strict=True)]
 
-    def scaled(self, ratio: Array) -> "Controllers":
+    def scaled(self, ratio: Array) -> Controllers:
         """Return controllers with the current of each axis multiplied by a factor (p,)."""
         if (ratio == 1).all():
             return self

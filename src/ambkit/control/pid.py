@@ -1,5 +1,7 @@
 """PID controller of one axis, its blocks, and default gains."""
 
+from __future__ import annotations
+
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -43,7 +45,7 @@ class GainSchedule:
     gains: Array  #: (k, q, 4) By `SCHEDULED`.
 
     @classmethod
-    def of(cls, pids: Sequence[Any]) -> "GainSchedule | None":
+    def of(cls, pids: Sequence[Any]) -> GainSchedule | None:
         """Return that of several PIDs, with a node at each speed of any; None without any."""
         # A PID's own gains are those at standstill.
         speeds = sorted({0.0, *(row.speed for pid in pids for row in pid.schedule)})

@@ -7,6 +7,8 @@ critical speeds of the uncontrolled rotor, and where the unbalance takes much of
 current limit, the compensation is faded out.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -73,7 +75,7 @@ class UnbalanceControl:
         squared_share = float(((rows @ unbalance) ** 2 + (rows @ across) ** 2).max())
         return float(np.clip((NONE**2 - squared_share) / (NONE**2 - FULL**2), 0.0, 1.0))
 
-    def for_unbalance_of(self, machine: Machine) -> "UnbalanceControl":
+    def for_unbalance_of(self, machine: Machine) -> UnbalanceControl:
         """Return the same with the limit that the core applies for a machine's unbalance."""
         sizes = np.zeros(self.motion.shape[2])
         planes = unbalance_planes(machine)

@@ -1,5 +1,7 @@
 """Figure and description of a record: its signals over time."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any

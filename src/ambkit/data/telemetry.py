@@ -1,5 +1,7 @@
 """Frames of a controller, in the format of ``core/include/ambkit/telemetry.h``."""
 
+from __future__ import annotations
+
 import json
 import os
 import zlib

@@ -1,5 +1,7 @@
 """Online estimation of noise, around any filter with a covariance."""
 
+from __future__ import annotations
+
 import math
 from typing import Any, Literal, Self
 

@@ -1,5 +1,7 @@
 """An estimator along a complete record: forwards, smoothed, and predictions."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The rotor's angle from the readings of its sensor."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import IntFlag
@@ -72,7 +74,7 @@ class AngleEstimate:
     @classmethod
     def of(
         cls, machine: Machine, readings: ArrayLike, *, precision: Precision = "float64"
-    ) -> "AngleEstimate":
+    ) -> AngleEstimate:
         """Estimate the angle from readings of the machine's sensor.
 
         Parameters

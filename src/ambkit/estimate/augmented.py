@@ -1,5 +1,7 @@
 """Filters that estimate the magnet constant in addition to the states, as a factor."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from typing import Any

@@ -1,5 +1,7 @@
 """Many estimators along many records at once, with SIMD lanes and threads, for Monte Carlo."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

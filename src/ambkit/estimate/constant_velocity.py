@@ -5,6 +5,8 @@ walk (white acceleration; Bar-Shalom, Li and Kirubarajan, Estimation with Applic
 and Navigation, 2001, ch. 6.2). It models no force, current or sensor lag, and has one parameter.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from functools import cache, partial

@@ -1,5 +1,7 @@
 """Extended Kalman filter of a rotor that may lie on its touch-down bearings."""
 
+from __future__ import annotations
+
 import math
 from typing import Any
 

@@ -1,5 +1,7 @@
 """The build of the C core for a model."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache, partial

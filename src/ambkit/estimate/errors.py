@@ -1,5 +1,7 @@
 """Errors of estimates against the truth, and consistency of their innovations."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Estimates of a record: states, innovations, status."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -226,7 +228,7 @@ class Estimate(Shown, frames.Framed):
         return frames.Series(self.t, columns, units, about)
 
     @classmethod
-    def _of_series(cls, series: frames.Series, units: Mapping[str, str] | None) -> "Estimate":
+    def _of_series(cls, series: frames.Series, units: Mapping[str, str] | None) -> Estimate:
         series = frames.in_si(series, units) if units else series
         columns, about = dict(series.columns), series.about
         try:
@@ -272,19 +274,7 @@ class Estimate(Shown, frames.Framed):
 
     def _card(self) -> Card:
 
-        rows = [[state.name, *spread(self[state.name], state.unit)] for state in self.states]
-        rows.append(["innovation", *spread(self["innovation"], "m")])
-        nis = self.nis[1:]  # the first sample's belongs to the start
-        known = nis[np.isfinite(nis)]
-        consistent = f"Mean NIS {known.mean():.3f} (1: consistent). " if known.size else ""
-        flags = ", ".join(
-            f"{flag.name} {count}"
-            for flag in Status
-            if flag and (count := int(((self.status & np.uint16(flag)) != 0).sum()))
-        )
-        title = f"{self.estimator}: {len(self.t)} samples"
-        notes = [f"{consistent}Samples with a status: {flags or 'none'}."]
-        return Card(title, rows, estimate_figure(self), ["", *SPAN], notes)
+        return estimate_card(self)
 
 
 AXES = {
@@ -324,3 +314,20 @@ def estimate_figure(estimate: Any) -> Figure:
         caption="Errors at the start may exceed the axes.",
         panels=[*panels, innovation_panel("", estimate, time, [])],
     )
+
+
+def estimate_card(of: Any) -> Card:
+    """Describe an estimate by its states and their consistency."""
+    rows = [[state.name, *spread(of[state.name], state.unit)] for state in of.states]
+    rows.append(["innovation", *spread(of["innovation"], "m")])
+    nis = of.nis[1:]  # the first sample's belongs to the start
+    known = nis[np.isfinite(nis)]
+    consistent = f"Mean NIS {known.mean():.3f} (1: consistent). " if known.size else ""
+    flags = ", ".join(
+        f"{flag.name} {count}"
+        for flag in Status
+        if flag and (count := int(((of.status & np.uint16(flag)) != 0).sum()))
+    )
+    title = f"{of.estimator}: {len(of.t)} samples"
+    notes = [f"{consistent}Samples with a status: {flags or 'none'}."]
+    return Card(title, rows, estimate_figure(of), ["", *SPAN], notes)

@@ -1,5 +1,7 @@
 """Panels of estimates over time: axes without initial transients, innovations with bounds."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,5 +1,7 @@
 """Common parts of all estimators."""
 
+from __future__ import annotations
+
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -165,7 +167,7 @@ class Estimator(AlongRecords, Described, Copyable):
         return Card(title, rows, None, ["state", "role", "unit"])
 
     @property
-    def nominal(self) -> "Estimator":
+    def nominal(self) -> Estimator:
         """The filter with its initial noise; with online noise estimation the inner one."""
         return self
 
@@ -194,7 +196,7 @@ class Estimator(AlongRecords, Described, Copyable):
         return type(self)(**options | {"machine": machine})
 
     @staticmethod
-    def load(path: str | os.PathLike[str], *, precision: Precision = "float64") -> "Estimator":
+    def load(path: str | os.PathLike[str], *, precision: Precision = "float64") -> Estimator:
         """Return the estimator in a file, of any kind.
 
         Parameters

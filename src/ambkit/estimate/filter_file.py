@@ -32,6 +32,8 @@ with a number for each reading or axis, and ``synchronous = ["unbalance"]`` list
 synchronous states.
 """
 
+from __future__ import annotations
+
 import math
 import os
 from collections.abc import Iterator, Mapping

@@ -3,6 +3,8 @@
 The first two are the same C code with different magnet models.
 """
 
+from __future__ import annotations
+
 import math
 from typing import Any
 

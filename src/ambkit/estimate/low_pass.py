@@ -1,5 +1,7 @@
 """Low-pass filters with numerical derivatives: the usual approach without a noise model."""
 
+from __future__ import annotations
+
 import math
 from typing import Any
 
@@ -64,6 +66,12 @@ class LowPass(Estimator):
                 raise ValueError(f"{name} must be greater than 0 rad/s, got {corner!r}")
         super().__init__(machine, magnet, **options)
 
+    def _usual_corners(self) -> dict[str, float]:
+        """Return the corner frequencies of least error [rad/s], of noise and lag."""
+        R, Q = self.variances.measurement, self.variances.disturbance
+        corners = core_module().corners(self.view.seen_by, R, Q)
+        return dict(zip(("position", "velocity", "force"), corners, strict=True))
+
     def linear_system(self) -> LinearSystem:
         """Return position and velocity of ``core/src/low_pass.c``; its force is separate."""
         T, gain = self.machine.sampling_time, self.machine.sensor.gain
@@ -79,10 +87,6 @@ class LowPass(Estimator):
 
     def _arguments(self, engine: Engine, settings: dict[str, Any]) -> Arguments:
         T = self.machine.sampling_time
-        R, Q = self.variances.measurement, self.variances.disturbance
-        corners = core_module().corners(self.view.seen_by, R, Q)
-        self.corners = (
-            dict(zip(("position", "velocity", "force"), corners, strict=True)) | self.corners
-        )
+        self.corners = self._usual_corners() | self.corners
         coefficients = {name: -math.expm1(-corner * T) for name, corner in self.corners.items()}
         return (), {"m": self.machine.rotor.mass, **coefficients}

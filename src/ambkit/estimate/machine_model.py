@@ -1,5 +1,7 @@
 """A machine for its estimators: settings of the core, and initial states."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from typing import Any

@@ -1,5 +1,7 @@
 """Noise of an estimator, and its linear prediction model as matrices."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -28,7 +30,7 @@ class LinearModel(NamedTuple):
     R: Any  # scalar for one sensor; for several (sensors,)
 
     @classmethod
-    def of(cls, model: Model, k_i: Any, k_s: Any, settings: Mapping[str, Any]) -> "LinearModel":
+    def of(cls, model: Model, k_i: Any, k_s: Any, settings: Mapping[str, Any]) -> LinearModel:
         """Return a model with the noise of the core's settings, at an operating point."""
         gain, var_u = np.array(settings["k_ui"]), np.array(settings["var_u"])
         R = with_rounding(settings["var_y"], settings["step"], settings["dwell"])
@@ -41,7 +43,7 @@ class LinearModel(NamedTuple):
             R=R[0] if len(R) == 1 else np.array(R),
         )
 
-    def scaled(self, units: Array) -> "LinearModel":
+    def scaled(self, units: Array) -> LinearModel:
         """Return the model with states in other units (n,), for numerical reasons."""
         D, inverse = np.diag(units), np.diag(1 / units)
         return self._replace(

@@ -1,5 +1,7 @@
 """Observers with a constant gain: from observer poles, or from the Riccati equation."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import replace

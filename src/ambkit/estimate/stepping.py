@@ -1,5 +1,7 @@
 """An estimator sample by sample."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
@@ -143,7 +145,7 @@ class Stepping:
             near = np.where(near > 0, np.maximum(near, float(known.tiny)), near)
         return np.where(np.isfinite(a), near, a)
 
-    def transfer_from(self, other: "Stepping") -> None:
+    def transfer_from(self, other: Stepping) -> None:
         """Bumpless transfer: copy mean, covariance and fault counters from another filter.
 
         A newly trained filter can replace the running one between two samples. In C, where the

@@ -1,5 +1,7 @@
 """An estimator of the user: an object with ``step(y, u)``."""
 
+from __future__ import annotations
+
 import math
 import weakref
 from collections.abc import Callable, Sequence

@@ -4,6 +4,8 @@ A rule states k_i and k_s for currents and displacements near its centre. The ma
 (``ambkit/fuzzy.h``); this module has the description of a network, and its file.
 """
 
+from __future__ import annotations
+
 import json
 import os
 import sys

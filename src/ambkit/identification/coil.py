@@ -8,6 +8,8 @@ The target may be negative: limiting it to zero would slow the decay. Control si
 determine ``G = V/R`` and ``tau = L/R``, not resistance or voltage.
 """
 
+from __future__ import annotations
+
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence

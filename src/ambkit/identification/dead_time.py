@@ -1,5 +1,7 @@
 """The acting control signal: after dead time, current lag and limits."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

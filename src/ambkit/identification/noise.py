@@ -1,5 +1,7 @@
 """Measurement noise from a recording at rest."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field

@@ -1,5 +1,7 @@
 """Adequacy of a filter for a machine: one judgement for all commands and exports."""
 
+from __future__ import annotations
+
 import hashlib
 import logging
 import math

@@ -1,5 +1,7 @@
 """Criteria of a filter's adequacy for a machine."""
 
+from __future__ import annotations
+
 import hashlib
 import math
 from collections.abc import Iterator, Sequence

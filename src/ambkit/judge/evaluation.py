@@ -1,5 +1,7 @@
 """Evaluation of a filter on a record, by innovations, predictions and known truth; its figure."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,7 +29,7 @@ from ambkit.estimate.estimate_panels import (
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.machine import Machine
 from ambkit.models.model import Descriptor
-from ambkit.result.report import Figure, Item, Line, Panel
+from ambkit.result.report import Axis, Figure, Item, Line, Panel
 from ambkit.result.row import Row
 from ambkit.result.signal_styles import CURRENT, DISTURBANCE, NOISE, POSITION, TIME, VELOCITY, looks
 
@@ -279,10 +281,7 @@ def filter_figure(
         return [Line(t, record[name], signal=style) for name, style in signals if name in record]
 
     def panel(state: Descriptor) -> Panel:
-        axis = AXES[state.role]
-        if state.name not in ("x", "v", "f_d"):
-            axis = replace(axis, label=f"{axis.label} {state.name}")
-        axis = replace(axis, unit=axis.unit.replace("mm", "mrad")) if "rad" in state.unit else axis
+        axis = of_state(state)
         below, above = LOGGED.get(state.name, ((), ()))
         items = [*logged(below), *true(state.name), *estimated(state.name), *logged(above)]
         if state.role != "position":
@@ -314,3 +313,11 @@ def filter_figure(
 
 AXES = {"position": POSITION, "velocity": VELOCITY, "disturbance force": DISTURBANCE}
 """Axes of the plotted states, by role."""
+
+
+def of_state(state: Descriptor) -> Axis:
+    """Return the plot axis of a state; with several axes it has a name, and a tilt is in mrad."""
+    axis = AXES[state.role]
+    if state.name not in ("x", "v", "f_d"):
+        axis = replace(axis, label=f"{axis.label} {state.name}")
+    return replace(axis, unit=axis.unit.replace("mm", "mrad")) if "rad" in state.unit else axis

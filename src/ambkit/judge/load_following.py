@@ -1,5 +1,7 @@
 """Tracking of a disturbance step by an estimate, from the filter's model and gain."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache

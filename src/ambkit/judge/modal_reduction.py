@@ -1,5 +1,7 @@
 """Error of the modal truncation over the speed, against the full matrices."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from functools import lru_cache

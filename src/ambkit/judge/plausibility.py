@@ -1,5 +1,7 @@
 """Plausibility check of a record for a machine: rate, range, noise and signs."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

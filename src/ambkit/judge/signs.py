@@ -7,6 +7,8 @@ predictions depend on the past only. Noise intensities are fitted for each hypot
 likelihood ratio depends on the signs only.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple

@@ -1,5 +1,7 @@
 """Whirl modes of a levitated rotor: poles and critical speeds over the speed of rotation."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -8,6 +8,8 @@ which the sensors are set to zero; the remaining effect of the weight is that of
 axes.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -32,14 +34,14 @@ class Line(NamedTuple):
     """Mode shapes there, with maximum 1 [1]."""
 
     @classmethod
-    def across(cls, place: float, angle: float, shape: tuple[float, ...] = ()) -> "Line":
+    def across(cls, place: float, angle: float, shape: tuple[float, ...] = ()) -> Line:
         """Return a radial direction; exactly along a coordinate if within 1e-12."""
         ways = (math.cos(angle), math.sin(angle))
         cosine, sine = (float(round(way)) if abs(way - round(way)) < 1e-12 else way for way in ways)
         return cls(place, cosine, sine, shape)
 
     @classmethod
-    def along(cls) -> "Line":
+    def along(cls) -> Line:
         """Return the direction along the shaft."""
         return cls(0.0, math.nan, math.nan)
 
@@ -95,7 +97,7 @@ class Shaft(NamedTuple):
     translation: bool = False  #: Whether it is a mass with one coordinate.
 
     @classmethod
-    def of(cls, rotor: Body, bearings: tuple[BearingAt, ...]) -> "Shaft":
+    def of(cls, rotor: Body, bearings: tuple[BearingAt, ...]) -> Shaft:
         """Return that of a machine's rotor."""
         places = tuple(bearing.place for bearing in bearings if bearing.type == "radial")
         return cls(rotor.centre, rotor.bending(places), rotor.type == "mass")

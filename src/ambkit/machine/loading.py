@@ -1,5 +1,7 @@
 """A machine by name, preset or TOML file, and its levitation current."""
 
+from __future__ import annotations
+
 import difflib
 import os
 from pathlib import Path

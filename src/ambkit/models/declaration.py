@@ -1,5 +1,7 @@
 """Declarations of the parts of a machine for its continuous model, before sampling."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import Any, Final, Protocol
 
@@ -31,7 +33,7 @@ def place(form: Mapping[str, float]) -> Place:
 class Part(Protocol):
     """One part of a machine."""
 
-    def declare(self, plan: "Plan") -> None:
+    def declare(self, plan: Plan) -> None:
         """Declare its contribution; names may be declared by a later part."""
 
 

@@ -1,5 +1,7 @@
 """Linear systems as matrices with named signals, and a machine linearised at an operating point."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -48,11 +50,11 @@ class LinearSystem:
     inputs: tuple[Signal, ...]
     outputs: tuple[Signal, ...]
 
-    def select(self, outputs: Sequence[str], inputs: Sequence[str]) -> "LinearSystem":
+    def select(self, outputs: Sequence[str], inputs: Sequence[str]) -> LinearSystem:
         """Return the system with some of its outputs and inputs, by name."""
         return self.part(_places(self.outputs, outputs), _places(self.inputs, inputs))
 
-    def part(self, outputs: slice | list[int], inputs: slice | list[int]) -> "LinearSystem":
+    def part(self, outputs: slice | list[int], inputs: slice | list[int]) -> LinearSystem:
         """Return the system with some of its outputs and inputs, by index."""
         z, w = np.arange(len(self.outputs))[outputs], np.arange(len(self.inputs))[inputs]
         return replace(

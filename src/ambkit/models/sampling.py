@@ -1,5 +1,7 @@
 """A machine's continuous model over one sample: pattern and exact numbers."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,7 +23,7 @@ forces belong to both; collocated inputs spread noise only, and changes of force
 belong to the motion only.
 """
 
-LAYOUTS: "dict[Any, Layout]" = {}  #: Cache by kind of machine.
+LAYOUTS: dict[Any, Layout] = {}  #: Cache by kind of machine.
 
 
 def pattern_of(driven: Bools) -> Pattern:

@@ -1,5 +1,7 @@
 """Estimated unbalance and runout at the end of a record."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """External inputs of a run: forces, noise, faults, and the user's plant."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
@@ -37,11 +39,11 @@ class Faults:
     beside: bool = False
 
     @classmethod
-    def none(cls, n: int, *, beside: bool = False) -> "Faults":
+    def none(cls, n: int, *, beside: bool = False) -> Faults:
         """Return n samples without a fault."""
         return cls(**{name: np.full(n, value) for name, value in NONE.items()}, beside=beside)
 
-    def among(self, reading: int, readings: int, axis: int, axes: int) -> "Faults":
+    def among(self, reading: int, readings: int, axis: int, axes: int) -> Faults:
         """Return the same faults for one of several readings, and for one of several axes."""
         if readings == axes == 1:
             return self

@@ -1,5 +1,7 @@
 """Plant and controllers as fields of ``amb_plant``."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 from types import ModuleType

@@ -1,5 +1,7 @@
 """Many closed loops with the nonlinear plant in one call, for Monte Carlo and campaigns."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Preparation of runs for the core, which simulates and evaluates many at once."""
 
+from __future__ import annotations
+
 import pickle
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """The record of a run, and its noise."""
 
+from __future__ import annotations
+
 import math
 from collections import Counter
 from dataclasses import dataclass, replace
@@ -37,7 +39,7 @@ class Stream:
     run: int = 0
     number: int = 0  #: Of the stream.
 
-    def next(self, by: int = 1) -> "Stream":
+    def next(self, by: int = 1) -> Stream:
         """Return the stream with an offset."""
         return replace(self, number=self.number + by)
 

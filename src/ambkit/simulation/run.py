@@ -1,5 +1,7 @@
 """Simulation of a machine in a scenario: the closed loop in one call into C (``sim/``)."""
 
+from __future__ import annotations
+
 import math
 import os
 from collections.abc import Sequence
@@ -89,7 +91,7 @@ class Sampled(NamedTuple):
     injected: Array  #: (n, p) [m].
 
     @classmethod
-    def of(cls, machine: Machine, scenario: Scenario) -> "Sampled":
+    def of(cls, machine: Machine, scenario: Scenario) -> Sampled:
         """Sample a scenario at a machine's sampling time."""
         t = machine.sampling_time * np.arange(samples(machine, scenario), dtype=float)
         names = tuple(axis.name for axis in machine.axes)

@@ -1,5 +1,7 @@
 """Figure of a simulated run: signals over time, and orbits in the bearings."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from typing import Any

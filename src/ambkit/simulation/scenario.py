@@ -1,5 +1,7 @@
 """A scenario: reference, disturbance, speed, noise and controllers of a run."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Self

@@ -1,5 +1,7 @@
 """Result of a simulated run."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

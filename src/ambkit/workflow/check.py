@@ -1,5 +1,7 @@
 """Recognition and checking of files, and the presets."""
 
+from __future__ import annotations
+
 import os
 import shutil
 import textwrap

@@ -1,5 +1,7 @@
 """Comparison of filters."""
 
+from __future__ import annotations
+
 import logging
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -150,7 +152,7 @@ def _cases(machine: Machine, case: Any, plant: Any, spread: float | None) -> dic
 def in_loops(
     machine: Machine, filter: Any, scenario: Any, *, steps: Any, load: Any, duration: Any,
     plant: Any, seeds: range, done: Done,
-) -> "LoopScores":  # fmt: skip
+) -> LoopScores:  # fmt: skip
     """Compare filters, each in its own loop."""
     heights = None if steps is None else names_in(float, int, steps=steps)
     name = os.fspath(scenario) if isinstance(scenario, str | os.PathLike) else "scenario"

@@ -1,5 +1,7 @@
 """From a machine and its logs to exported C: identify, tune, assess, export; resumable."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable, Sequence
 from functools import cached_property

@@ -1,5 +1,7 @@
 """The candidate filters of a design: evaluation, selection, objections."""
 
+from __future__ import annotations
+
 import hashlib
 import json
 import math

@@ -1,5 +1,7 @@
 """Result of a design: controllers and filter, with reasons."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

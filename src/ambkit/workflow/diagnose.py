@@ -1,5 +1,7 @@
 """Fault isolation along a record, and the table of what it cannot distinguish."""
 
+from __future__ import annotations
+
 import math
 import os
 from typing import Any

@@ -1,5 +1,7 @@
 """Results of estimators along a record."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

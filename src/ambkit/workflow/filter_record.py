@@ -1,5 +1,7 @@
 """Filters along a record, with warnings."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace

@@ -1,5 +1,7 @@
 """Result of an identification: parameters, filter, validation."""
 
+from __future__ import annotations
+
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -62,7 +64,7 @@ class Identified(Result):
     inputs: Inputs | None = None  #: Inputs of the controller, as the log has them.
     source: str = ""  #: File names of the records.
 
-    def validate(self, *records: Record) -> "Identified":
+    def validate(self, *records: Record) -> Identified:
         """Return the identified machine, validated on other records."""
         others = all_of_type(Record, records=list(records))
         check_disjoint(others, self.records)

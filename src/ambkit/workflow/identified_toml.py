@@ -1,5 +1,7 @@
 """An identified machine as TOML, with the standard error of each value."""
 
+from __future__ import annotations
+
 import os
 
 from ambkit.base.units import engineering

@@ -1,5 +1,7 @@
 """Identification from records: model, initial values, validation."""
 
+from __future__ import annotations
+
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -1,5 +1,7 @@
 """Identification of a one-sided magnet from lift-off points."""
 
+from __future__ import annotations
+
 import math
 import os
 from collections.abc import Callable, Sequence

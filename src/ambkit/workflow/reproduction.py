@@ -1,5 +1,7 @@
 """The reproduction of the paper; its chapters are beside their pages in docs/paper."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,5 +1,7 @@
 """Evaluation of a controller and a filter on the machines of a study."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache

@@ -1,5 +1,7 @@
 """Tuning of controller and filter over tolerances, on all machines of a study at once."""
 
+from __future__ import annotations
+
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence

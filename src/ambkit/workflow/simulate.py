@@ -1,5 +1,7 @@
 """Simulation with defaults for controller, duration, step and disturbance."""
 
+from __future__ import annotations
+
 import math
 import os
 from collections.abc import Iterator, Sequence

@@ -1,5 +1,7 @@
 """The error cost of a lower sensitivity peak: filters tuned with different limits."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any

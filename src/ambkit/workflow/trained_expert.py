@@ -1,5 +1,7 @@
 """A trained expert, its accuracy, and its filter."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Training of an expert for k_i and k_s, on a force law or a measured force."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable
 from dataclasses import replace

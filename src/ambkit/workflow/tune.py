@@ -1,5 +1,7 @@
 """Tuning of a filter on records or in simulation, with validation."""
 
+from __future__ import annotations
+
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -90,7 +92,7 @@ class Tuned(Result):
     def save_toml(self, path: str | os.PathLike[str]) -> None:
         self.estimator.save(path, **self.files)
 
-    def named(self, **files: str | os.PathLike[str] | None) -> "Tuned":
+    def named(self, **files: str | os.PathLike[str] | None) -> Tuned:
         """Return it with the names of the files of machine and magnet, for the filter file."""
         return replace(self, files=files)
 

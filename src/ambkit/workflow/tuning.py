@@ -1,5 +1,7 @@
 """Tuning of the process noise by the likelihood of a record."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Figure of a tuning: all evaluations and their cost."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Tuning criteria: the likelihood of records, and simulated truth."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property

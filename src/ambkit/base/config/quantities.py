@@ -1,5 +1,7 @@
 """Pydantic types for values with units: strings in files, SI floats inside."""
 
+from __future__ import annotations
+
 import json
 import math
 import numbers
@@ -28,7 +30,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from ambkit.base import units
 from ambkit.base.escaping import one_line
 
-place_of_signal: "ContextVar[SignalIn | None]" = ContextVar("place of a signal", default=None)
+place_of_signal: ContextVar[SignalIn | None] = ContextVar("place of a signal", default=None)
 """Place of the signal that is being read or written."""
 
 
@@ -39,7 +41,7 @@ class ParsedValue(float):
     unit: str  #: As in `Quantity`, with ``@`` for the unit of the place.
 
     @classmethod
-    def of(cls, text: str, unit: str) -> "ParsedValue":
+    def of(cls, text: str, unit: str) -> ParsedValue:
         """Parse a text like ``"50 µm"``."""
         quantity = cls(units.parse(text, units.base_unit(text)))
         quantity.text, quantity.unit = text, unit

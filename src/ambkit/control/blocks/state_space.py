@@ -1,5 +1,7 @@
 """A linear system with one input and one output."""
 
+from __future__ import annotations
+
 import math
 from abc import abstractmethod
 from collections.abc import Iterator
@@ -189,7 +191,7 @@ class StateSpace(Block):
             yield "A", text
 
     @classmethod
-    def of(cls, system: Any) -> "StateSpace":
+    def of(cls, system: Any) -> StateSpace:
         """Return a system of python-control, or any with A, B, C, D and dt."""
         if not hasattr(system, "A"):
             import control

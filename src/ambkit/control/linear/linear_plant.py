@@ -1,5 +1,7 @@
 """The plant of a loop as a linear system, at an operating point."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any, NamedTuple
@@ -57,7 +59,7 @@ class OperatingPoint(NamedTuple):
         return [(iu + np.real(i * turn), x + np.real(far * turn)) for iu, x, i, far in parts]
 
     @classmethod
-    def equilibrium(cls, machine: Machine, x: float = 0.0, load: float = 0.0) -> "OperatingPoint":
+    def equilibrium(cls, machine: Machine, x: float = 0.0, load: float = 0.0) -> OperatingPoint:
         """Return the operating point in equilibrium with weight and disturbance."""
         travel = machine.clearance
         if not abs(x) <= travel:
@@ -73,7 +75,7 @@ class OperatingPoint(NamedTuple):
         return cls(iu, x)
 
     @classmethod
-    def nearest(cls, machine: Machine) -> "OperatingPoint":
+    def nearest(cls, machine: Machine) -> OperatingPoint:
         """Return the equilibrium at the centre; zero current if there is none."""
         try:
             return cls.equilibrium(machine)
@@ -83,7 +85,7 @@ class OperatingPoint(NamedTuple):
     @classmethod
     def of_machine(
         cls, machine: Machine, load: Mapping[str, float] | None = None, x: float = 0.0
-    ) -> "OperatingPoint":
+    ) -> OperatingPoint:
         """Return the equilibrium at x of the axes, with disturbances."""
         names, loads = [axis.name for axis in machine.axes], dict(load or {})
         for name in loads:

@@ -1,5 +1,7 @@
 """Content of a log file, before a channel map defines its meaning: arrays by name."""
 
+from __future__ import annotations
+
 import json
 import os
 import re

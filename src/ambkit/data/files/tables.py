@@ -1,5 +1,7 @@
 """Tables: columns of equal length with units, in all file formats."""
 
+from __future__ import annotations
+
 import json
 import os
 import re

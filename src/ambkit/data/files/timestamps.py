@@ -1,5 +1,7 @@
 """Times as text, such as ``2024-05-03 12:00:00.123``, exact to the nanosecond."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta

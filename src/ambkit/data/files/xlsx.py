@@ -1,5 +1,7 @@
 """Excel: the first sheet with numbers, read like the text file that it could be saved as."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from dataclasses import replace
 from datetime import datetime

@@ -1,5 +1,7 @@
 """Where names and motion do not both speak for a role, with what else the channel may be."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping, Sequence
 
 from ambkit.data.reading.candidates import Candidate

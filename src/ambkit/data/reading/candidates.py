@@ -1,5 +1,7 @@
 """The channels of a log, and what their names and units speak for."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -30,7 +32,7 @@ class Candidate:
     called: str = ""  #: The role that its name says.
     why: list[str] = field(default_factory=list)  #: What speaks for that.
     #: Channels that may have its role too, and why that is not sure.
-    rivals: "list[tuple[Candidate, str]]" = field(default_factory=list)
+    rivals: list[tuple[Candidate, str]] = field(default_factory=list)
     estimated: bool = False  #: Whether it is an estimate of the rig's own.
     damage: RecordError | None = None  #: Why times as text cannot be read.
     turned: bool = False  #: Whether it counts the other way.

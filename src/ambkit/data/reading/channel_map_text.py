@@ -1,5 +1,7 @@
 """The lines of a channel map that is proposed, with comments that say why."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 
 import numpy as np

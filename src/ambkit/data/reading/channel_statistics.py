@@ -1,5 +1,7 @@
 """Statistics of a channel of a log that do not mind noise, gaps and its length."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from ambkit.base.arrays import Array, block_means

@@ -1,5 +1,7 @@
 """Which channel each signal of a record has, where several have the role."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

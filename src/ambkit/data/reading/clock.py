@@ -1,5 +1,7 @@
 """Clock of a log: rate, jitter, gaps, jumps."""
 
+from __future__ import annotations
+
 import math
 import re
 from collections.abc import Iterator
@@ -40,7 +42,7 @@ class Clock:
         ends = [0, *self.jumps.tolist(), self.times.size]
         return [slice(a, b) for a, b in pairwise(ends) if b - a > 1]
 
-    def part(self, where: slice) -> "Clock":
+    def part(self, where: slice) -> Clock:
         """Return the clock of some of the samples."""
         return examine(self.name, self.times[where])
 

@@ -4,6 +4,8 @@ An estimate has less noise than its original, a reference has none of it, a comm
 current that follows, and a controller passes on the noise of its own position only.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,7 +47,7 @@ class Beside:
     is_few: bool  #: Whether it takes few values.
 
     @classmethod
-    def of(cls, c: Candidate, y: Candidate) -> "Beside":
+    def of(cls, c: Candidate, y: Candidate) -> Beside:
         """Compare a channel with a position of the same length."""
         likeness, hiss, own = correlation(c.values, y.values), noise(y.values), noise(c.values)
         size, scale = (max(float(seen(item.values).std()), 1e-300) for item in (y, c))

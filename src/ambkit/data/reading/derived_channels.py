@@ -1,5 +1,7 @@
 """Which channels are made of which: copies, differences, filters, and what an estimate is of."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 

@@ -1,5 +1,7 @@
 """Defects of a channel: missing, saturated, frozen and coarse samples, spikes."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass

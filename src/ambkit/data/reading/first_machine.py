@@ -5,6 +5,8 @@ the gain the unit of the position. Where a voltage drives the coil, its current 
 by L/R.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

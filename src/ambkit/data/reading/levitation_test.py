@@ -7,6 +7,8 @@ Channels and their second derivatives are filtered by the same B-spline of order
 modulating functions). Everything is in samples, in any units.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations

@@ -1,5 +1,7 @@
 """Plausibility of a log: an estimate or a reference as y, a rotor that lies still."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 

@@ -5,6 +5,8 @@ same motion the rawest is therefore chosen: a converter's values come in steps, 
 values hardly ever repeat; otherwise the noisier one.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -51,7 +53,7 @@ class Rotor:
         """Whether a greater control moves the rotor towards smaller positions."""
         return self.gain < 0
 
-    def renumbered(self, places: Sequence[int]) -> "Rotor":
+    def renumbered(self, places: Sequence[int]) -> Rotor:
         """Return the same with other numbers for the rows."""
         return Rotor(
             places[self.position], places[self.control], self.fit, self.gain,

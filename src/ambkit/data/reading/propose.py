@@ -1,5 +1,7 @@
 """A channel map proposed for a log, with a comment on each line that says why."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path

@@ -1,5 +1,7 @@
 """Conversion of a log into a record, with a report of defects and actions."""
 
+from __future__ import annotations
+
 import os
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping

@@ -1,5 +1,7 @@
 """Figures of a log: as read, with its defects, and the errors of a rejected one."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from typing import Any
 

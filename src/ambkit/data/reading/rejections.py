@@ -1,5 +1,7 @@
 """Rejection of logs whose samples fit no even grid, with places and advice."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 
 import numpy as np

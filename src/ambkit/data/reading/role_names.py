@@ -5,6 +5,8 @@ A name has a quantity (position, current) and perhaps a modifier: demanded, meas
 axes have numbers or letters: ``W13`` and ``x_A`` are positions, ``v`` is a velocity.
 """
 
+from __future__ import annotations
+
 import re
 import unicodedata
 from itertools import pairwise

@@ -3,6 +3,8 @@
 Channels that are named so are held; where they do not move as a rotor does, all are searched.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -6,6 +6,8 @@ keeps the role of its name unless it does not go as that would, and without a na
 that its motion speaks for.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Iterable, Sequence
 from itertools import permutations, takewhile

@@ -1,5 +1,7 @@
 """Spikes of a channel: a few distant samples between neighbours that agree."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from ambkit.base.arrays import Array, Bools, Index

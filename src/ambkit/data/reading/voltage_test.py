@@ -7,6 +7,8 @@ have none. Each pair is fitted in frequency bands, as for a current
 on the poles.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from itertools import permutations
 

@@ -1,5 +1,7 @@
 """Restored covariances of the controllers' self-test, whose digits float loses."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -30,7 +32,7 @@ class Snapshots:
     covariance: Array  #: (n, entries): upper triangles after each sample.
 
     @classmethod
-    def joined(cls, parts: "Sequence[Snapshots]") -> "Snapshots":
+    def joined(cls, parts: Sequence[Snapshots]) -> Snapshots:
         """Return those of runs in sequence."""
         return cls(
             *(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(cls))

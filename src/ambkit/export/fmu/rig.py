@@ -1,5 +1,7 @@
 """Plant in an FMU: data and start."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -33,7 +35,7 @@ def room_of(machine: Machine) -> CModel:
     return CModel({BUILT_IN: None}, (), {}, {}, room)
 
 
-def rig_data(machine: Machine, start: "RigStart") -> dict[str, Any]:
+def rig_data(machine: Machine, start: RigStart) -> dict[str, Any]:
     """Return the data file of a plant: that of :func:`ambkit.simulate`."""
     single, axes = machine.single, isolated_axes(machine)
     laws = [magnet_of(item) for item in axes]
@@ -95,7 +97,7 @@ class RigStart(NamedTuple):
     max_speed: float  #: [rad/s].
 
     @classmethod
-    def of(cls, machine: Machine, scenario: Scenario) -> "RigStart":
+    def of(cls, machine: Machine, scenario: Scenario) -> RigStart:
         """Return the start of a scenario in :func:`ambkit.simulate`."""
         if machine.single:
             lies = scenario.start == "landed"

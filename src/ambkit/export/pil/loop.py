@@ -1,5 +1,7 @@
 """Processor in the loop: an exported controller on a Cortex-M4F with the simulated plant."""
 
+from __future__ import annotations
+
 import os
 import select
 import subprocess
@@ -145,7 +147,7 @@ def pil(
     scenario: Scenario | None = None,
     board: str | None = None,
     force: bool = False,
-) -> "Pil":
+) -> Pil:
     """Run the exported controller with a filter in float in qemu, with a simulated plant."""
     # The plant is simulated here with the controller, and its measurements go to the processor
     # sample by sample. If the answers have the same bits, which is checked, the rotor would have

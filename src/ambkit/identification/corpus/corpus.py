@@ -1,5 +1,7 @@
 """Identification of a rig from all of its logs: individually, pooled, and cross-validated."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor

@@ -5,6 +5,8 @@ gap differs by the behaviour of the iron for an alternating current. Minor hyste
 flatter than the initial curve, most so where they are small. No agreement is enforced.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor

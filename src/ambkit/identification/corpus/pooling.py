@@ -5,6 +5,8 @@ restricted likelihood (DerSimonian and Laird 1986 for the model, Harville 1977 f
 the error of mu includes the scatter.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

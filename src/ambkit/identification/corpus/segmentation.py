@@ -4,6 +4,8 @@ A rotor is levitated while its acceleration is that of magnet and weight. This h
 motions as well, and does not depend on the noise of a log.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import pairwise
 

@@ -5,6 +5,8 @@ transmits it with its gain kp and set-point weight b, so r acts as a control sig
 k_ui``.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -58,7 +60,7 @@ class Limits:
     @classmethod
     def of(
         cls, machine: Machine, current: float | None = None, displacement: float | None = None
-    ) -> "Limits":
+    ) -> Limits:
         """Return limits, by default 80 % of the current limit and half of the clearance."""
         most = min(machine.current_max, -machine.current_min)
         travel = machine.clearance

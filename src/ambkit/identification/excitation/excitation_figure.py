@@ -1,5 +1,7 @@
 """Figure of an experiment: signals, spectra, and the distribution of its information."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -4,6 +4,8 @@ All have amplitude 1 and n samples, and start at zero, except the binary signal,
 jump.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

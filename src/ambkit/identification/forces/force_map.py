@@ -5,6 +5,8 @@ Kalman filter (therefore unbiased in closed loop). Its error is assumed to be sm
 visited ones are determined by them, and far from the visited range the law itself remains.
 """
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -4,6 +4,8 @@ The rotor lies at a distance z below a one-sided magnet while the current rises,
 carries its weight.
 """
 
+from __future__ import annotations
+
 import math
 import os
 from collections.abc import Iterable, Mapping

@@ -4,6 +4,8 @@ All are causal, functions of earlier measurements, so that with the correct mode
 depends on them.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -107,7 +109,7 @@ class Motion:
     predicted: Array  #: Predicted reading [m].
 
     @classmethod
-    def of(cls, model: LoopModel, record: Record) -> "Motion":
+    def of(cls, model: LoopModel, record: Record) -> Motion:
         """Run the filter along a record."""
         out, u, kalman = model.run(record)
         every, gain = model.substeps, model.isolated.sensor.gain

@@ -5,6 +5,8 @@ axes is no disturbance force of this one. The likelihood is that of the axis's o
 all earlier measurements.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any

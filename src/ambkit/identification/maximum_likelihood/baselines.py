@@ -7,6 +7,8 @@ lags and states, the control's duty and scheduling are chosen for the best predi
 the records that were not fitted.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -196,7 +198,7 @@ class Baselines:
     parts: Sequence[Array]  #: Products of each part.
 
     @classmethod
-    def of(cls, records: Sequence[Sequence[Record]]) -> "list[Baselines]":
+    def of(cls, records: Sequence[Sequence[Record]]) -> list[Baselines]:
         """Return those of each log, given its records."""
         every = [record for log in records for record in log]
         shortest = min(map(len, every))
@@ -209,7 +211,7 @@ class Baselines:
         ]
 
     @classmethod
-    def joint(cls, several: "Sequence[Baselines]") -> "Baselines":
+    def joint(cls, several: Sequence[Baselines]) -> Baselines:
         """Return those of several logs."""
         return cls(several[0].layout, [part for one in several for part in one.parts])
 

@@ -14,6 +14,8 @@ loop the control signal depends on ``w`` through the rotor: coil and loop are th
 (`joint`).
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -68,7 +70,7 @@ class CurrentState:
     memory: float  #: Correlation time of a deviation [s].
     #: Amplifier gain of the machine: control current per control signal of the record [A/V].
     amplifier_gain: float
-    coil: "Coil"  #: The coil in samples and volts.
+    coil: Coil  #: The coil in samples and volts.
 
     @property
     def text(self) -> str:
@@ -138,7 +140,7 @@ def smooth_current(records: Sequence[Record], amplifier_gain: float = 1.0) -> Cu
     return propagate(coil, records, amplifier_gain)
 
 
-def propagate(coil: "Coil", records: Sequence[Record], amplifier_gain: float) -> CurrentState:
+def propagate(coil: Coil, records: Sequence[Record], amplifier_gain: float) -> CurrentState:
     """Return the current that follows the control through a coil."""
     T, scale, back = records[0].sampling_time, abs(amplifier_gain), coil.back
     innovations = [coil.predicted(r["u"], r[CONTROL])[1][coil.settled :] for r in records]
@@ -166,7 +168,7 @@ class Coil:
     stray: float  #: Variance of w, over that of the sensor's noise.
 
     @classmethod
-    def at(cls, theta: Array) -> "Coil":
+    def at(cls, theta: Array) -> Coil:
         """Return the coil at a point of the search."""
         lag, strays = np.exp(np.clip(theta[[0, 4]], [-20, LEAST_STRAY], 20)).tolist()
         delay, gain, zero = theta[1:4].tolist()  # below zero too, otherwise it would bias the lag

@@ -5,6 +5,8 @@ the information, parameters that the records cannot distinguish reported and hel
 restricted likelihood.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,5 +1,7 @@
 """Figures of an identification: estimates with intervals, residuals, predictions."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import replace

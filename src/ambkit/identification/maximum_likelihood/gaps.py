@@ -6,6 +6,8 @@ noise. A search would take that for control noise, or for an offset. Here the fi
 therefore increased by the possible motion.
 """
 
+from __future__ import annotations
+
 import math
 from functools import cache, partial
 from typing import Any

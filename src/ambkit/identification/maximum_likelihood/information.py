@@ -6,6 +6,8 @@ predictions in closed loop Ljung, System Identification, 1999, ch. 7 and 13). A 
 therefore predicts how accurately the real one would identify.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -8,6 +8,8 @@ such bias. Coil and loop are therefore fitted jointly (Gauss-Newton), and the er
 parameters include the uncertainty of both.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -58,7 +60,7 @@ class Joint:
         of_position = self._likelihood(self.current).value(np.zeros(len(self.parameters)))
         return of_position - 0.5 * count * math.log(variance)
 
-    def maximised(self) -> "Joint":
+    def maximised(self) -> Joint:
         """Return coil and loop of maximum likelihood."""
         at, value = self, self.value
         for _ in range(ROUNDS):
@@ -96,7 +98,7 @@ class Joint:
             local.record_information - lost,
         )
 
-    def moved(self, step: Array) -> "Joint | None":
+    def moved(self, step: Array) -> Joint | None:
         """Return coil and loop after a step; None if that is impossible."""
         # step (p + 5,)
         p = len(self.parameters)

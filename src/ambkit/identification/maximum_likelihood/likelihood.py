@@ -5,6 +5,8 @@ Predictions depend on the past only, for any controller, so the maximum is unbia
 too (Ljung 1999, ch. 13).
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -53,7 +55,7 @@ class Local:
     scatter: Array
     record_information: Array  #: (p, p) The information of the records alone.
 
-    def beside(self, kept: Sequence[int], held: Mapping[int, float]) -> "Local":
+    def beside(self, kept: Sequence[int], held: Mapping[int, float]) -> Local:
         """Return the likelihood of some parameters, with precisions of those that are held."""
         # A held parameter is not known: the errors of the others include that of its coarse range.
         coarse = np.diag([held.get(at, 0.0) for at in range(self.score.size)])
@@ -90,7 +92,7 @@ class Data:
     #: (n,) What a structure outside the model adds to the innovations of all records [m].
     moved: Array | float = 0.0
 
-    def likelihood(self, model: LoopModel, parameters: Sequence[Parameter]) -> "Likelihood":
+    def likelihood(self, model: LoopModel, parameters: Sequence[Parameter]) -> Likelihood:
         """Return the likelihood in the coordinates around a model."""
         return Likelihood(self, Coordinates(model, list(parameters)))
 

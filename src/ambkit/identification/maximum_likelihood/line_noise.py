@@ -7,6 +7,8 @@ the rotor's motion for noise, so a line is added only if the likelihood increase
 parameters do by chance (Schwarz 1978), and none is sought at frequencies of the rotor's own motion.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
 

@@ -1,5 +1,7 @@
 """Fits of records in which the disturbance force steps: a model of the parts between its steps."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Any
 

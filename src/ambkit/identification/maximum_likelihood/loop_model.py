@@ -1,5 +1,7 @@
 """Model of a record: a machine, with parameters of the log (delay, offsets, disturbance)."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -95,7 +97,7 @@ class LoopModel:
         )  # fmt: skip
         return self._filter(finer, self.magnet or magnet_of(b))
 
-    def has_filter_of(self, other: "LoopModel") -> bool:
+    def has_filter_of(self, other: LoopModel) -> bool:
         """Return whether the filter of another model serves this one, with other signals."""
         own = ("isolated", "substeps", "magnet", "memory", "disturbance_noise")
         return all(getattr(self, name) is getattr(other, name) for name in own)
@@ -312,7 +314,7 @@ class LoopModel:
         """Return a record in which y and u are those of its axis."""
         return record
 
-    def replace(self, **changes: object) -> "LoopModel":
+    def replace(self, **changes: object) -> LoopModel:
         """Return the model with other values; ``magnet__air_gap=...`` applies to the machine."""
         own = {name: value for name, value in changes.items() if "__" not in name}
         of_bearing = {name: value for name, value in changes.items() if "__" in name}

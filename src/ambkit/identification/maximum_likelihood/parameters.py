@@ -1,5 +1,7 @@
 """Identifiable parameters: unit, place in the model, and scale."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass

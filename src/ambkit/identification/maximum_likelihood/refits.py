@@ -4,6 +4,8 @@ Opposite offsets imitate a nonlinear force law or sensor, and a lag of the curre
 the sensor.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress

@@ -1,5 +1,7 @@
 """Result of maximum likelihood: parameters with errors, and what could not be identified."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,5 +1,7 @@
 """The search: start, ascent, and parameters to be held."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

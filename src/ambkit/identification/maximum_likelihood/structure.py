@@ -6,6 +6,8 @@ score statistic (Rao 1948) needs no search: it is twice the gain of log likeliho
 with all other parameters adapted.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,5 +1,7 @@
 """Validation of a model on other records, beside baselines without magnet model."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

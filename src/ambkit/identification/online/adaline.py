@@ -1,5 +1,7 @@
 """ADALINE (paper, eq. 22-25), and common parts of online identification."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """All online identifications of a magnet constant along one record, compared."""
 
+from __future__ import annotations
+
 import math
 import os
 from collections.abc import Mapping

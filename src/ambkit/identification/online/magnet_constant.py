@@ -1,5 +1,7 @@
 """Magnet constant from a record: least squares with forgetting, and k as a state."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

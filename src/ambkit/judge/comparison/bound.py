@@ -13,6 +13,8 @@ Kalman filter of the stacked derivatives has the information J_k, and the covari
 is the bound.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -5,6 +5,8 @@ clearances and forces in weights, so that each case is equivalent on any machine
 a step of half of the clearance is 0.5 mm, and 0.6 of the weight is 3 N.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace

@@ -1,5 +1,7 @@
 """The comparison: same records, same tuning effort, other runs for the judgement, and the bound."""
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

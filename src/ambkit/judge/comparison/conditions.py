@@ -1,5 +1,7 @@
 """Variation from run to run: tolerances of the plant, and the disturbance force."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, fields
 
@@ -24,11 +26,11 @@ class Spread:
     load: float = 0.0  #: Disturbance.
 
     @classmethod
-    def all(cls, share: float) -> "Spread":
+    def all(cls, share: float) -> Spread:
         """Return the same tolerance for each quantity."""
         return cls(*(share for _ in fields(cls)))
 
-    def factors(self, runs: int, seed: int) -> "list[Spread]":
+    def factors(self, runs: int, seed: int) -> list[Spread]:
         """Draw the factors on the nominal values: scrambled Sobol points (Owen 1998)."""
         from scipy.stats import qmc
 

@@ -1,5 +1,7 @@
 """Criteria for an estimator in one run; NaN where one does not apply."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal

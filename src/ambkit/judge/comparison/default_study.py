@@ -1,5 +1,7 @@
 """Study of the default filters by truth, beside the raw sensor and a naive filter."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,5 +1,7 @@
 """Figures of a comparison, one question each."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any

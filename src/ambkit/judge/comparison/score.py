@@ -1,5 +1,7 @@
 """Scores of estimators in a case."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

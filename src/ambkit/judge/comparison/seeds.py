@@ -1,5 +1,7 @@
 """Estimators over many seeds, each in its own loop, against the truth."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np

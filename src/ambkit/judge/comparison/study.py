@@ -1,5 +1,7 @@
 """Comparison in one case, with sweeps of step and magnet constant, and the bound."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

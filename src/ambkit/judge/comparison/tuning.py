@@ -1,5 +1,7 @@
 """Candidates of a comparison, each tuned with the same number of evaluations."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """One simulation with a fault, and its evaluation."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Fault-injection test: every estimator with every fault, in the loop and beside it."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass

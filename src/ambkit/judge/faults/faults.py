@@ -5,6 +5,8 @@ Lengths are in clearances, forces in maximum magnet forces, times in time consta
 equivalent on any machine.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

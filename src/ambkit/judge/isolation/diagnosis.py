@@ -1,5 +1,7 @@
 """What fault isolation says of a record, and which faults of a machine it can tell apart."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property

@@ -1,5 +1,7 @@
 """Fault isolation beside a filter, and what it cannot tell apart."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from functools import cached_property

@@ -6,6 +6,8 @@ is its derivative with respect to the parameter; a new fault is one line of `_of
 `_of_reading` or `_in_motion`.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

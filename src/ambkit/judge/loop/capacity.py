@@ -1,5 +1,7 @@
 """Demands of a loop on its machine: displacement, copper loss, load capacity."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

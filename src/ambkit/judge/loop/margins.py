@@ -1,5 +1,7 @@
 """Sensitivity peak, crossings and margins of one axis, and Bode's integral, between grid points."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

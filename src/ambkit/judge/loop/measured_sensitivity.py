@@ -1,5 +1,7 @@
 """Sensitivity from a record of a loop with an injected signal, with confidence intervals."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from typing import Literal

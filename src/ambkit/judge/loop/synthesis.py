@@ -1,5 +1,7 @@
 """Bounds on the sensitivity of a loop, and H-infinity and LQG controllers near them."""
 
+from __future__ import annotations
+
 import math
 import warnings
 from collections.abc import Callable

@@ -1,5 +1,7 @@
 """Measured force points: grids, scattered points and their files, with standard errors."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -50,7 +52,7 @@ class ForcePoints:
     def __len__(self) -> int:
         return self.current.size
 
-    def where(self, chosen: NDArray[np.bool_]) -> "ForcePoints":
+    def where(self, chosen: NDArray[np.bool_]) -> ForcePoints:
         """Return some of the points."""
         # chosen (n,)
         error = self.standard_error

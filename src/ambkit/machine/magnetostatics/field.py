@@ -6,6 +6,8 @@ linkage are exact derivatives of one discrete energy (Coulomb and Meunier, IEEE 
 1984): a closed loop of currents and displacements does no work.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -147,7 +149,7 @@ class FieldSolver:
             self.coils[-1, -1] = layout.axial.turns * layout.axial.length
         self._positions: dict[complex, Position] = {}
 
-    def at(self, displacement: complex = 0.0) -> "Position":
+    def at(self, displacement: complex = 0.0) -> Position:
         """Return the problem with the rotor displaced [m]."""
         key = complex(displacement)
         if key not in self._positions:

@@ -1,5 +1,7 @@
 """Magnetisation of iron: by grade, by saturation and permeability, or by a table."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from functools import cached_property
 from itertools import pairwise
@@ -35,7 +37,7 @@ class Curve:
     # Between the points a monotone cubic (Fritsch and Butland 1984); beyond the last one the slope
     # of air.
 
-    def __init__(self, B: Array, H: Array, iron: "Iron | None" = None) -> None:
+    def __init__(self, B: Array, H: Array, iron: Iron | None = None) -> None:
         from scipy.interpolate import PchipInterpolator
 
         self.stacking, self._end = 1.0 if iron is None else iron.stacking_factor, float(B[-1])

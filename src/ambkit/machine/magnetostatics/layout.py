@@ -1,5 +1,7 @@
 """The cross section of a magnet: regions with their materials, coils and motion."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -79,7 +81,7 @@ class Layout:
         """Whether the section is that of a body of revolution."""
         return bool(np.isnan(self.depth))
 
-    def lengthened(self, factor: float) -> "Layout":
+    def lengthened(self, factor: float) -> Layout:
         """Return it with another depth."""
         axial = self.axial and self.axial._replace(length=factor * self.axial.length)
         return replace(self, depth=factor * self.depth, axial=axial)

@@ -3,6 +3,8 @@
 Both are derivatives of one spline of the coenergy, fitted to both, so closed loops do no work.
 """
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -240,7 +242,7 @@ class TwoAxisMap:
         added, less = np.reshape(sums, (2, *at.shape[1:])), self.flux_at(at)
         return np.asarray(0.5 * np.concatenate([added + less, added - less]))
 
-    def scaled(self, factor: float) -> "TwoAxisMap":
+    def scaled(self, factor: float) -> TwoAxisMap:
         """Return the same with forces multiplied by a factor."""
         return replace(
             self, coefficients=factor * self.coefficients, sums=factor * self.sums,

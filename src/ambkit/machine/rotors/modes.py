@@ -5,6 +5,8 @@ centre of mass and each shape scaled to 1 m/m where it is largest. Modes of a fr
 orthogonal to its rigid motions, so that mass and stiffness are diagonal; gyroscopics couple.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -58,7 +60,7 @@ def speeds_of(speed: float) -> Array:
     return np.linspace(0.0, BEYOND * abs(speed), STEPS + 1)[1:] if speed else np.zeros(0)
 
 
-def whirl(rotor: Any, bending: "Bending", speed: float, modes: int | None = None) -> Array:
+def whirl(rotor: Any, bending: Bending, speed: float, modes: int | None = None) -> Array:
     """Return the whirl frequencies of the free, undamped rotor, ascending [rad/s]."""
     # returns (2 (2 + modes),)
     n = len(bending.frequency) if modes is None else modes
@@ -71,7 +73,7 @@ def whirl(rotor: Any, bending: "Bending", speed: float, modes: int | None = None
 
 
 def whirl_error(
-    rotor: Any, reduced_bending: "Bending", highest: float, speeds: Sequence[float] | Array,
+    rotor: Any, reduced_bending: Bending, highest: float, speeds: Sequence[float] | Array,
     modes: int | None = None,
 ) -> WhirlError:  # fmt: skip
     """Return the whirl with the largest truncation error."""
@@ -140,7 +142,7 @@ class Bending:
     internal: Array
     left_out: tuple[float, ...] = ()  #: Frequencies of some truncated bending modes [rad/s].
     #: Residual flexibility (places, places) [m/N] of all truncated modes.
-    residual: "Residual | None" = None
+    residual: Residual | None = None
     #: Number of last modes that are static deflections by forces at places, for the residual
     #: flexibility (Rubin 1975).
     attached: int = 0

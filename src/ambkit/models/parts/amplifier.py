@@ -1,5 +1,7 @@
 """Current amplifier, within its limits."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +23,7 @@ class Amplifier:
     force: str = "f"  #: Name of the magnet force.
 
     @classmethod
-    def of(cls, machine: Any, sizes: Sequence[Typical]) -> "list[Amplifier]":
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Amplifier]:
         """Return the amplifier of each axis, with a lag if it has a bandwidth."""
         return [
             cls(s.current, a.bearing.amplifier.bandwidth, *(signal(x, a.name) for x in "uif"))

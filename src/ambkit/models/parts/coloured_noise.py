@@ -1,5 +1,7 @@
 """First-order sensor noise."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +26,7 @@ class ColouredNoise:
     measurement: str = "y"  #: Name of the measurement.
 
     @classmethod
-    def of(cls, machine: Any, sizes: Sequence[Typical]) -> "list[ColouredNoise]":
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[ColouredNoise]:
         """Return that of each reading that has coloured noise."""
         return [
             cls(noise.variance, noise.bandwidth, signal("n_y", r.name), signal("y", r.name))

@@ -1,5 +1,7 @@
 """Dead time between a sampling instant and the change of the amplifier's input."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +24,7 @@ class Delay:
     control: str = "u"  #: The delayed commanded current.
 
     @classmethod
-    def of(cls, machine: Any, sizes: Sequence[Typical]) -> "list[Delay]":
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Delay]:
         """Return the dead time of each control current, if there is one."""
         if not machine.delay:
             return []

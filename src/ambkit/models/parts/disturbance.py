@@ -1,5 +1,7 @@
 """Disturbance force: a random walk, whose intensity is the process noise."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,7 +22,7 @@ class Disturbance:
     place: Place = "x"  #: Place, away from the magnets.
 
     @classmethod
-    def of(cls, machine: Any, sizes: Sequence[Typical]) -> "list[Disturbance]":
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Disturbance]:
         """Return one for each axis, at the place of its magnet force."""
         return [
             cls(s.force, 1e-3 * s.force, signal("f_d", a.name), signal("f", a.name))

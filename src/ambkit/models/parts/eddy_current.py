@@ -1,5 +1,7 @@
 """Eddy currents in a magnet's iron: its force lags (Schweitzer and Maslen 2009)."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +26,7 @@ class EddyCurrents:
     state: str = "f_e"  #: Name of the acting force, in a filter including the known weight.
 
     @classmethod
-    def of(cls, machine: Any, sizes: Sequence[Typical]) -> "list[EddyCurrents]":
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[EddyCurrents]:
         """Return those of each axis whose magnet has eddy currents."""
         shortest = SHORTEST_LAG * machine.sampling_time
         return [
@@ -71,7 +73,7 @@ class SolidIron:
     state: str = "f_e"  #: Name of each share of the acting force, before its number.
 
     @classmethod
-    def of(cls, machine: Any, sizes: Sequence[Typical]) -> "list[SolidIron]":
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[SolidIron]:
         """Return those of each axis whose magnet has solid iron."""
         return [
             cls(2 * math.pi * corner, s.force, signal("f", a.name), signal("f_e", a.name))

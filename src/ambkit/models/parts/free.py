@@ -1,5 +1,7 @@
 """A rotor without known forces, but with white acceleration."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -25,7 +27,7 @@ class UnknownForce:
     name: str = "f_d"  #: Name of the state.
 
     @classmethod
-    def of(cls, machine: Any, sizes: Sequence[Typical]) -> "list[UnknownForce]":
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[UnknownForce]:
         """Return that of each axis."""
         return [
             cls(s.force, signal("f_d", a.name)) for a, s in zip(machine.axes, sizes, strict=True)

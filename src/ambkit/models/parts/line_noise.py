@@ -1,5 +1,7 @@
 """Line noise of a reading: mains, resonance."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +29,7 @@ class Hum:
     measurement: str = "y"  #: Name of the measurement.
 
     @classmethod
-    def of(cls, machine: Any, sizes: Sequence[Typical]) -> "list[Hum]":
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Hum]:
         """Return the lines of each reading: the first is ``hum``, others are ``hum2``, ``hum3``."""
         return [
             cls(

@@ -1,5 +1,7 @@
 """Magnet force on the rotor; with fast bending modes the model includes k_i of its law."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,7 +26,7 @@ class MagnetForce:
     """Current stiffness [N/A], for changes of the force within a sample; None: held."""
 
     @classmethod
-    def of(cls, machine: Any, sizes: Sequence[Typical]) -> "list[MagnetForce]":
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[MagnetForce]:
         """Return the magnet places of each axis."""
         # Whether a mode is fast enough to follow the current within a sample.
         bending = machine.bending

@@ -1,5 +1,7 @@
 """The rotor: ``M q'' + (D + speed G) q' + (K + speed N) q`` = forces."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -36,7 +38,7 @@ class Rotor:
     speed: float = 0.0  #: Speed of rotation [rad/s].
 
     @classmethod
-    def of(cls, machine: Any, sizes: Sequence[Typical]) -> "list[Rotor]":
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Rotor]:
         """Return it with gyroscopics at the machine's speed, and bending modes."""
         way, fast = max(s.displacement for s in sizes), max(s.velocity for s in sizes)
         if machine.rotor.type == "mass":  # called for each run of a campaign

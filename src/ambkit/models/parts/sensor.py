@@ -1,5 +1,7 @@
 """Position sensor."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +23,7 @@ class Sensor:
     place: Place = "x"  #: Place of the measurement.
 
     @classmethod
-    def of(cls, machine: Any, sizes: Sequence[Typical]) -> "list[Sensor]":
+    def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Sensor]:
         """Return one for each reading."""
         far = max(s.displacement for s in sizes)
         return [

@@ -1,5 +1,7 @@
 """Error of a measured speed of rotation, which also rotates synchronous states."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,7 +22,7 @@ class SpeedError:
     pairs: tuple[tuple[str, str], ...]  #: Pairs of synchronous states.
 
     @classmethod
-    def of(cls, machine: Any, synchronous: Sequence[Any]) -> "list[SpeedError]":
+    def of(cls, machine: Any, synchronous: Sequence[Any]) -> list[SpeedError]:
         """Return it if the machine has an angle sensor."""
         if machine.angle is None:
             return []

@@ -1,5 +1,7 @@
 """Synchronous states at a known speed: unbalance, and runout."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -32,7 +34,7 @@ class SynchronousForce:
     speeding: float = 0.0  #: Angular acceleration [rad/s^2].
 
     @classmethod
-    def of(cls, machine: Any, speeding: float) -> "list[SynchronousForce]":
+    def of(cls, machine: Any, speeding: float) -> list[SynchronousForce]:
         """Return one for each plane."""
         planes = unbalance_planes(machine)
         speed, usual = machine.speed, max(abs(machine.speed), SLOWEST)
@@ -89,7 +91,7 @@ class SynchronousRunout:
     """
 
     @classmethod
-    def of(cls, machine: Any, speeding: float) -> "list[SynchronousRunout]":
+    def of(cls, machine: Any, speeding: float) -> list[SynchronousRunout]:
         """Return one for each order of a sensor."""
         parts: list[SynchronousRunout] = []
         for sensor in machine.sensors:

@@ -1,5 +1,7 @@
 """Common parts of the geometries."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
@@ -50,7 +52,7 @@ class PermanentMagnet(Part):
         """Return the reluctance across an area [A/Wb]."""
         return self.thickness / (MU_0 * self.permeability * area)
 
-    def scaled(self, factor: float) -> "PermanentMagnet":
+    def scaled(self, factor: float) -> PermanentMagnet:
         """Return a magnet that is stronger by a factor, with the same permeability."""
         strengths = {"remanence": self.remanence, "coercivity": self.coercivity}
         return self.model_copy(update={key: factor * v for key, v in strengths.items()})
