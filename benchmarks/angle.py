@@ -30,7 +30,7 @@ from ambkit.data.record import Record
 from ambkit.estimate.angle import AngleEstimate, estimate_angle
 from ambkit.estimate.estimate import Estimate
 from ambkit.machine.accessories import Runout
-from ambkit.simulation.recording import angles
+from ambkit.simulation.angle_sensor import angles
 from ambkit.simulation.waveforms import Constant, Ramp, Recorded
 
 MOST = 1.3

@@ -32,7 +32,7 @@ from ambkit.estimate.angle import (
     readings_of,
 )
 from ambkit.judge.signs import sign_test
-from ambkit.simulation.recording import angle_readings, angles
+from ambkit.simulation.angle_sensor import angle_readings, angles
 from ambkit.simulation.waveforms import Constant, Ramp
 from benchmarks.angle import MOST, flown
 from benchmarks.angle import PULSES as LATE_PULSES

@@ -12,7 +12,7 @@ from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c
 from ambkit.judge.comparison.comparison import raw_error
 from ambkit.judge.comparison.criteria import errors_along
-from ambkit.judge.load_following import contact_notes, on_stop, stop_notes
+from ambkit.judge.contact import contact_notes, on_stop, stop_notes
 from ambkit.machine.magnets import magnet_of
 from ambkit.simulation.run import simulate_run
 from benchmarks.contact import MACHINES, bound, episodes, judge, true_forces, with_stop

@@ -20,7 +20,7 @@ from ambkit.judge.comparison.tuning import candidate_of_kind
 from ambkit.judge.faults import fault_run
 from ambkit.judge.loop.capacity import of_runout
 from ambkit.machine.components import Unbalance
-from ambkit.machine.forces.force_surface import _nodes
+from ambkit.machine.forces.patches import _nodes
 from ambkit.models.parts.typical_sizes import Typical
 from ambkit.rotordynamics.unbalance_response import permitted
 

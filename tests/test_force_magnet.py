@@ -27,7 +27,8 @@ from ambkit.judge.comparison.comparison import bench
 from ambkit.judge.comparison.tuning import candidates
 from ambkit.machine.forces.fitted_law import refitted
 from ambkit.machine.forces.force_points import ForcePoints
-from ambkit.machine.forces.force_surface import ACCURACY, ForceSurface, patches
+from ambkit.machine.forces.force_surface import ForceSurface
+from ambkit.machine.forces.patches import ACCURACY, patches
 from ambkit.machine.magnets import core_module
 from ambkit.simulation.run import simulate_run
 

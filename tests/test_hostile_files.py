@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ambkit import Machine
-from ambkit.base import files
+from ambkit.base import memory_limit
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.data.files.tables import read_log
 from ambkit.machine.rotors.matrix_file import read_matrices
@@ -118,7 +118,7 @@ def test_an_attachment_of_an_mdf_is_not_read(tmp_path, monkeypatch):
 
 @pytest.fixture
 def small(monkeypatch):
-    monkeypatch.setenv(files.VARIABLE, "5 MB")
+    monkeypatch.setenv(memory_limit.VARIABLE, "5 MB")
 
 
 def zeros_in(name):
@@ -186,23 +186,23 @@ def test_a_file_that_unpacks_to_too_much_is_refused_before_it_is(name, tmp_path)
         rf"{re.escape(str(path))}: would take (more than )?[\d.]+ [MG]B of memory to read", said
     )
     assert "the limit is 5 MB" in said
-    assert f"set {files.VARIABLE}" in said
+    assert f"set {memory_limit.VARIABLE}" in said
 
 
 def test_the_limit_can_be_raised(tmp_path, monkeypatch):
     zeros_in("a.h5")(tmp_path / "a.h5")
-    monkeypatch.setenv(files.VARIABLE, "63 MB")
+    monkeypatch.setenv(memory_limit.VARIABLE, "63 MB")
     with pytest.raises(RecordError, match="would take 64 MB"):
         read_log(tmp_path / "a.h5")
-    monkeypatch.setenv(files.VARIABLE, "64 MB")
+    monkeypatch.setenv(memory_limit.VARIABLE, "64 MB")
     assert read_log(tmp_path / "a.h5").arrays["pos"].size == 4_000_000
 
 
 @pytest.mark.parametrize("given", ["5", "-1 GB", "0 GB", "lots", "3 mm"])
 def test_a_limit_is_a_size(given, tmp_path, monkeypatch):
     zeros_in("a.h5")(tmp_path / "a.h5")
-    monkeypatch.setenv(files.VARIABLE, given)
-    with pytest.raises(AmbkitError, match=f"^{files.VARIABLE}: "):
+    monkeypatch.setenv(memory_limit.VARIABLE, given)
+    with pytest.raises(AmbkitError, match=f"^{memory_limit.VARIABLE}: "):
         read_log(tmp_path / "a.h5")
 
 

@@ -6,8 +6,8 @@ import pytest
 import ambkit
 from ambkit import Scenario, Step
 from ambkit.estimate.estimate import packed
+from ambkit.estimate.law_error import law_errors
 from ambkit.estimate.registry import KINDS
-from ambkit.estimate.stepping import law_errors
 from ambkit.judge.comparison.default_study import CONSISTENT, score_defaults
 from ambkit.machine.axes import isolated_axes
 from ambkit.machine.magnets import ConstantStiffness, evaluate_force, magnet_of

@@ -27,11 +27,11 @@ from ambkit.estimate.kalman import AdaptiveKalmanFilter as AdaptiveKalmanFilter
 from ambkit.estimate.kalman import ExtendedKalmanFilter as ExtendedKalmanFilter
 from ambkit.estimate.kalman import KalmanFilter as KalmanFilter
 from ambkit.estimate.kalman import UDKalmanFilter as UDKalmanFilter
-from ambkit.estimate.kalman import UnscentedKalmanFilter as UnscentedKalmanFilter
 from ambkit.estimate.low_pass import LowPass as LowPass
 from ambkit.estimate.noise_model import FilterNoise as FilterNoise
 from ambkit.estimate.observer import ExtendedStateObserver as ExtendedStateObserver
 from ambkit.estimate.observer import SteadyStateKalmanFilter as SteadyStateKalmanFilter
+from ambkit.estimate.unscented import UnscentedKalmanFilter as UnscentedKalmanFilter
 from ambkit.estimate.user_filter import EstimatorProtocol as EstimatorProtocol
 from ambkit.export.statespace import to_control as to_control
 from ambkit.fuzzy.expert import Expert as Expert

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.base import files
+from ambkit.base import memory_limit
 from ambkit.base.errors import RecordError
 from ambkit.data.record import Record
 
@@ -107,6 +107,6 @@ def _layout(path: Path) -> dict[str, Any]:
 
 def _bytes(path: Path) -> bytes:
     try:
-        return files.read_bytes(path)
+        return memory_limit.read_bytes(path)
     except OSError as error:
         raise RecordError(f"{path}: {error.strerror}") from error

@@ -18,7 +18,7 @@ from ambkit.estimate.noise_model import UNITS
 from ambkit.estimate.registry import KINDS, kind_of, learned_magnet
 from ambkit.machine import presets
 from ambkit.machine.axes import ForceLaws
-from ambkit.machine.forces.force_surface import PatchedForce
+from ambkit.machine.forces.patches import PatchedForce
 from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision

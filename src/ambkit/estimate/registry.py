@@ -256,7 +256,7 @@ KINDS = {
         ),
         FilterKind(
             "unscented", "unscented Kalman filter",
-            "kalman.UnscentedKalmanFilter", CoreKernel("Unscented"), ideal_laws,
+            "unscented.UnscentedKalmanFilter", CoreKernel("Unscented"), ideal_laws,
             ratios=("alpha", "beta", "kappa"),
         ),
         FilterKind(

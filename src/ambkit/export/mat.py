@@ -18,7 +18,7 @@ from ambkit.export.stiffness_table import tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.axes import constant_stiffness, models_of
-from ambkit.machine.forces.force_surface import PatchedForce
+from ambkit.machine.forces.patches import PatchedForce
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module
 from ambkit.machine.parts import FILES

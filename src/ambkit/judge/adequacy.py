@@ -14,7 +14,7 @@ from ambkit.base.threads import one_thread
 from ambkit.estimate.estimator import Estimator
 from ambkit.judge import adequacy_criteria as criteria
 from ambkit.judge.adequacy_criteria import Finding
-from ambkit.judge.load_following import stop_notes
+from ambkit.judge.contact import stop_notes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module
 from ambkit.simulation.scenario import Scenario, control_of, feedback_of

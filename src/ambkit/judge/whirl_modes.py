@@ -3,30 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.arrays import Array, rms
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import QuantityLike, in_si
-from ambkit.base.units import percent
 from ambkit.control.held_loop import Gains
 from ambkit.control.pid import PID
 from ambkit.control.stabilising_controller import holding
-from ambkit.data.record import Record
-from ambkit.estimate.estimate import Estimate
-from ambkit.estimate.machine_model import View
-from ambkit.judge.comparison.comparison import raw_error
-from ambkit.judge.comparison.criteria import errors_along, nees
-from ambkit.judge.comparison.default_study import CONSISTENT, SETTLING
-from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import ConstantStiffness, own_time
+from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.continuous import continuous
 
 DAMPED = 2.5  #: Amplification factor below which API 617 regards a mode as critically damped.
@@ -193,23 +185,3 @@ def followed(
     ahead = after[0] if len(after) < 2 else 2 * after[0] - after[1]
     _, order = linear_sum_assignment(np.abs(ahead[:, None] - result[None, :]))
     return np.asarray(result[order])
-
-
-def unbalance_notes(
-    machine: Machine, record: Record, filter: Any, estimate: Estimate | None
-) -> Iterator[str]:
-    """Yield whether an unbalance makes a filter inconsistent, or worse than the raw sensors."""
-    first = round(SETTLING * max(map(own_time, isolated_axes(machine))) / machine.sampling_time)
-    if not (machine.unbalance and record.has_truth and first < len(record)):
-        return
-    if estimate is None or not filter.by_model or estimate.states_with_role("unbalance"):
-        return
-    share = nees(estimate, record, first, View(machine))
-    x = errors_along(estimate, record, View(machine))["x"][:, first:]
-    error = rms(x) / raw_error(machine, [record], first)
-    if share < CONSISTENT[0] or error > 1 or not np.isfinite(error):
-        yield (
-            f"{filter.name}: with the unbalance, NEES is within its 95 % bound in {percent(share)} "
-            f"of the samples, and the position error is {error:.2f} of the raw sensors'; "
-            "'+unbalance' after the kind adds the states that estimate it"
-        )

@@ -27,9 +27,10 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import default_filter
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, core_module
+from ambkit.simulation.angle_sensor import angle_readings
 from ambkit.simulation.external_inputs import ExternalInputs, Faults, OwnPlant, as_series, columns
 from ambkit.simulation.fields import InLoops, StraightLine
-from ambkit.simulation.recording import angle_readings, noise_samples, recorded, white
+from ambkit.simulation.recording import noise_samples, recorded, white
 from ambkit.simulation.scenario import (
     AXES,
     Scenario,

@@ -200,7 +200,7 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> Inspec
     from ambkit.campaigns.plan import Plan
     from ambkit.judge.adequacy import judge_adequacy, sentences
     from ambkit.judge.adequacy_criteria import of_machine
-    from ambkit.judge.load_following import stop_notes
+    from ambkit.judge.contact import stop_notes
     from ambkit.rotordynamics import machine_report
 
     result = documents()[kind].load(path)
@@ -255,7 +255,7 @@ def _default_filter(machine: Machine) -> str:
 
 def _default_with_unbalance(machine: Machine) -> list[str]:
     """Return what an unbalance does to the default filter, in the run of ``ambkit simulate``."""
-    from ambkit.judge.whirl_modes import unbalance_notes
+    from ambkit.judge.unbalance import unbalance_notes
     from ambkit.simulation.run import simulate_run
     from ambkit.workflow.simulate import scenario_for
 

@@ -34,8 +34,8 @@ from ambkit.estimate.registry import FILTER_SUFFIX
 from ambkit.estimate.status import Status
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import judge_adequacy, sentences
+from ambkit.judge.contact import contact_notes
 from ambkit.judge.evaluation import Evaluation, evaluate
-from ambkit.judge.load_following import contact_notes
 from ambkit.machine.axes import isolated_axes, models_of
 from ambkit.machine.machine import Machine
 from ambkit.rotordynamics.harmonics import harmonics

@@ -27,9 +27,9 @@ from ambkit.estimate.named import filter_of
 from ambkit.estimate.registry import default_filter
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
-from ambkit.judge.load_following import contact_notes
+from ambkit.judge.contact import contact_notes
 from ambkit.judge.loop.loop_builder import LoopBuilder
-from ambkit.judge.whirl_modes import unbalance_notes
+from ambkit.judge.unbalance import unbalance_notes
 from ambkit.machine.axes import isolated_axes
 from ambkit.machine.forces.force_map import true_magnet
 from ambkit.machine.machine import Machine

@@ -26,7 +26,7 @@ from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.criteria import EVALUATED
 from ambkit.judge.comparison.tuning import Candidate, Costed, Range, candidate_of_kind, search
-from ambkit.judge.load_following import stop_notes
+from ambkit.judge.contact import stop_notes
 from ambkit.judge.loop.loop_builder import InfeasibleError, LoopBuilder, zone_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel

@@ -6,15 +6,8 @@ from typing import Annotated
 from pydantic import BeforeValidator, Field
 
 from ambkit.base.errors import AmbkitError
-from ambkit.control.blocks.state_space import (
-    Biquad,
-    Block,
-    LeadLag,
-    Notch,
-    SecondOrder,
-    StateSpace,
-    as_block,
-)
+from ambkit.control.blocks.block import Biquad, Block, LeadLag, Notch, SecondOrder
+from ambkit.control.blocks.state_space import StateSpace, as_block
 
 AnyBlock = Annotated[
     Annotated[Biquad | LeadLag | Notch | SecondOrder | StateSpace, Field(discriminator="type")],

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ambkit.base import files
+from ambkit.base import memory_limit
 from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError, shortened
 from ambkit.base.escaping import one_line
@@ -69,7 +69,7 @@ def _head(label: str) -> str:
 def read(path: str, request: Request) -> Log:
     """Read a text file with columns; see `ambkit.data.files.tables.read_log`."""
     try:
-        content = files.read_bytes(path, files.TEXT_SHARE)
+        content = memory_limit.read_bytes(path, memory_limit.TEXT_SHARE)
     except OSError as error:
         raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from error
     text, encoding = _decode(content, path)

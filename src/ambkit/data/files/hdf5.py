@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.base import files
+from ambkit.base import memory_limit
 from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError, library, shortened
 from ambkit.base.escaping import one_line
@@ -29,7 +29,7 @@ def read(path: str, request: Request) -> Log:
         chosen = _data_sets(file, h5py)
         if request.columns is not None and set(request.columns) <= set(chosen):
             chosen = {name: chosen[name] for name in chosen if name in request.columns}
-        files.check(path, sum(memory_of(*item) for item in chosen.values()), _LESS)
+        memory_limit.check(path, sum(memory_of(*item) for item in chosen.values()), _LESS)
         for name, (data, part) in chosen.items():
             request.progress(f"reading {name}")
             values = data[()] if part is None else data[part]

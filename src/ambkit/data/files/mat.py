@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base import files
+from ambkit.base import memory_limit
 from ambkit.base.errors import RecordError, library
 from ambkit.base.escaping import one_line
 from ambkit.data.files.hdf5 import check_within, memory_of
@@ -93,8 +93,8 @@ def _content(path: str) -> dict[str, Any]:
 
     with library_errors(path):
         packed = _unpacked(Path(path))
-        files.check(path, packed, exact=False)
-        files.check(path, _memory_of(path, packed))
+        memory_limit.check(path, packed, exact=False)
+        memory_limit.check(path, _memory_of(path, packed))
         return dict(loadmat(path))
 
 
@@ -110,7 +110,7 @@ def _memory_of(path: str, unpacked: int) -> int:
 
 def _unpacked(path: Path) -> int:
     """Return the length of a MATLAB 5 file with its elements unpacked, up to the limit."""
-    total, most = 0, files.limit()
+    total, most = 0, memory_limit.limit()
     with path.open("rb") as file:
         order = {b"IM": "<", b"MI": ">"}.get(file.read(_HEADER)[-2:])
         while order and len(tag := file.read(8)) == 8 and total <= most:
@@ -140,7 +140,7 @@ def _content_of_7_3(path: str) -> dict[str, Any]:
             file.visititems(
                 lambda _, item: sizes.append(memory_of(item)) if hasattr(item, "dtype") else None
             )
-            files.check(path, sum(sizes))
+            memory_limit.check(path, sum(sizes))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of objects without numbers
             return dict(reader.read_mat(path))

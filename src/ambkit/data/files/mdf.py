@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.base import files
+from ambkit.base import memory_limit
 from ambkit.base.arrays import Array
 from ambkit.base.errors import library
 from ambkit.base.escaping import one_line
@@ -66,7 +66,9 @@ def _read(file: Any, name: str, request: Request) -> Log:
         for place, label in labels.items()
         if request.columns is None or not all_known or {label, times[place[0]]} & names
     }
-    files.check(name, _memory_of(file, chosen), " a channel map that names fewer takes less;")
+    memory_limit.check(
+        name, _memory_of(file, chosen), " a channel map that names fewer takes less;"
+    )
     for (g, c), label in chosen.items():
         clock = times[g]
         request.progress(f"reading {label}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ambkit.base import files
+from ambkit.base import files, memory_limit
 from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError, library
 from ambkit.base.escaping import one_line
@@ -71,7 +71,7 @@ def read(path: str, request: Request) -> Log:
         texts = column_names(tuple(places), request.texts, path)
         chosen = column_names(tuple(places), request.columns, path)
         read = {schema.names[places[name].column] for name in chosen}
-        files.check(path, _memory_of(file.metadata, read), _LESS)
+        memory_limit.check(path, _memory_of(file.metadata, read), _LESS)
         for name in chosen:
             request.progress(f"reading column {name}")
             column = _column(file, path, places[name])
@@ -143,7 +143,7 @@ def _column(file: "ParquetFile", path: str, place: _Place) -> "ChunkedArray":
         column = packed.read([name], use_threads=True).column(place.twin)
     words = (pc.max(pc.binary_length(chunk.dictionary)).as_py() for chunk in column.chunks)
     longest = max((length or 0 for length in words), default=0)
-    files.check(path, len(column) * longest, _LESS)
+    memory_limit.check(path, len(column) * longest, _LESS)
     return column.cast(pa.string())
 
 

@@ -20,6 +20,7 @@ from ambkit.export.c import (
     faults,
     model,
     proof,
+    rebuilt,
     telemetry,
     test_vectors,
 )
@@ -95,7 +96,7 @@ def _made(export: Export) -> dict[str, str]:
         more += [(name, calibration.TEMPLATES)] if export.calibrated else []
         more += [] if export.several else [(name, {"README.md": "control.md"})]
     more += [(name, telemetry.TEMPLATES)] if export.framed else []
-    more += [(name, exported.TEMPLATES)] if export.rebuilt else []
+    more += [(name, rebuilt.TEMPLATES)] if export.rebuilt else []
     more += [(name, faults.TEMPLATES)] if export.distinction else []
     for of, templates in more:
         made |= {file.format(of): template for file, template in templates.items()}
@@ -119,7 +120,7 @@ def _context(export: Export) -> dict[str, Any]:
     changes = export.calibrated or export.rebuilt
     context["proof"] = None if changes else proof.context(export, context)
     context["isolation"] = faults.context(export) if export.distinction else None
-    context["rebuilt"] = exported.context(export) if export.rebuilt else None
+    context["rebuilt"] = rebuilt.context(export) if export.rebuilt else None
     context["keeps"] = bool(context["turning"] or export.rebuilt)
     own = f"&{name}_kalman"
     context["kalman_at"] = (

@@ -16,7 +16,7 @@ from ambkit.base.units import engineering
 from ambkit.machine.force_law import IsolatedAxis, Law
 from ambkit.machine.forces.fitted_law import law_errors, preferred
 from ambkit.machine.forces.force_points import ForcePoints
-from ambkit.machine.forces.force_surface import PatchedForce
+from ambkit.machine.forces.patches import PatchedForce
 from ambkit.machine.magnetostatics.drawing import Drawing
 from ambkit.machine.magnetostatics.dynamic_stiffness import conducts, dynamics_of
 from ambkit.machine.magnetostatics.magnet_map import (

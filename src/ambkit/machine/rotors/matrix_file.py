@@ -18,7 +18,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base import files
+from ambkit.base import memory_limit
 from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.base.units import parse
@@ -74,7 +74,7 @@ def _array(
         if kind.hasobject:
             raise ValueError(f"{name} holds Python objects (a pickle), which are not read")
         size = math.prod(shape) * kind.itemsize
-        files.check(path, 2 * size)
+        memory_limit.check(path, 2 * size)
         if head + size != member.file_size:
             raise ValueError(f"is damaged: {name} says it has {size} bytes, and has others")
     with file.open(member) as stream:

@@ -1,0 +1,40 @@
+"""What a filter makes of an unbalance that it does not estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ambkit.base.arrays import rms
+from ambkit.base.units import percent
+from ambkit.data.record import Record
+from ambkit.estimate.estimate import Estimate
+from ambkit.estimate.machine_model import View
+from ambkit.judge.comparison.comparison import raw_error
+from ambkit.judge.comparison.criteria import errors_along, nees
+from ambkit.judge.comparison.default_study import CONSISTENT, SETTLING
+from ambkit.machine.axes import isolated_axes
+from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import own_time
+
+
+def unbalance_notes(
+    machine: Machine, record: Record, filter: Any, estimate: Estimate | None
+) -> Iterator[str]:
+    """Yield whether an unbalance makes a filter inconsistent, or worse than the raw sensors."""
+    first = round(SETTLING * max(map(own_time, isolated_axes(machine))) / machine.sampling_time)
+    if not (machine.unbalance and record.has_truth and first < len(record)):
+        return
+    if estimate is None or not filter.by_model or estimate.states_with_role("unbalance"):
+        return
+    share = nees(estimate, record, first, View(machine))
+    x = errors_along(estimate, record, View(machine))["x"][:, first:]
+    error = rms(x) / raw_error(machine, [record], first)
+    if share < CONSISTENT[0] or error > 1 or not np.isfinite(error):
+        yield (
+            f"{filter.name}: with the unbalance, NEES is within its 95 % bound in {percent(share)} "
+            f"of the samples, and the position error is {error:.2f} of the raw sensors'; "
+            "'+unbalance' after the kind adds the states that estimate it"
+        )
