@@ -91,9 +91,7 @@ class OverSpeed(Result):
     @property
     def worst(self) -> tuple[float, float]:
         """Maximum of abs(S) [1], and its speed [rad/s]; infinite if unstable there."""
-        parts = np.where(np.isnan(self.peaks), np.inf, self.peaks).max(axis=1)
-        at = int(np.argmax(parts))
-        return float(parts[at]), float(self.speed[at])
+        return self._greatest(self.peaks, unknown=np.inf)
 
     @property
     def zone(self) -> str:
@@ -110,8 +108,8 @@ class OverSpeed(Result):
         """Maximum share of a current limit [1], and its speed [rad/s]."""
         return self._greatest(self.current / self.current_limit)
 
-    def _greatest(self, share: Array) -> tuple[float, float]:
-        parts = np.where(np.isnan(share), -np.inf, share).max(axis=1)
+    def _greatest(self, share: Array, unknown: float = -np.inf) -> tuple[float, float]:
+        parts = np.where(np.isnan(share), unknown, share).max(axis=1)
         at = int(np.argmax(parts))
         return float(parts[at]), float(self.speed[at])
 
@@ -286,16 +284,12 @@ class _Run:
         self, of: LoopBuilder, loop: Loop, responses: list[capacity.HarmonicResponse]
     ) -> tuple[Array, Array, Array | None, Array | None]:
         """Return displacement [m], current [A], voltage [1] and temperature [K] of each axis."""
-        p, pairs, point = loop.axes, capacity.synchronous_pairs(of.machine), self.point
+        p, point = loop.axes, self.point
         noise = np.sqrt(np.diag(loop.noise_covariance(*of.noise())))
         gains = np.array([b.amplifier.gain for b in of.isolated])
-        far = capacity.orbit(point.x, pairs) + capacity.SIGMAS * noise[:p]
-        most = np.abs(point.iu) + capacity.SIGMAS * gains * noise[p:]
-        square = point.iu**2 + (gains * noise[p:]) ** 2
-        for response in responses:
-            far = far + capacity.orbit(response.x, pairs)
-            most = most + np.abs(response.i)
-            square = square + np.abs(response.i) ** 2 / 2
+        far, swing, square = capacity.swings(
+            point, capacity.synchronous_pairs(of.machine), gains * noise[p:], noise[:p], responses
+        )
         volts = [self.share(of, k, responses) for k in range(p)]
         known = [volt for volt in volts if volt is not None]
         warm = [
@@ -304,7 +298,7 @@ class _Run:
         ]
         temperatures = [item.temperature for item in warm if item is not None]
         return (
-            far, most, np.array(known) if len(known) == p else None,
+            far, np.abs(point.iu) + swing, np.array(known) if len(known) == p else None,
             np.array(temperatures) if len(temperatures) == p else None,
         )  # fmt: skip
 

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from ambkit.base.config.document import Document, updated
 from ambkit.base.config.problems import expected_quantity, fields_of, names_of, unknown_key
 from ambkit.base.config.quantities import InOther, Quantity, SignalIn
-from ambkit.base.config.toml_text import flattened
+from ambkit.base.config.toml_text import flattened, nested
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.forces.drawing import drawing_of
 from ambkit.machine.parts import Magnet, magnet_constant
@@ -106,14 +106,7 @@ def _called(part: Any, at: int) -> tuple[str, ...]:
 
 def changed(model: Any, values: Mapping[str, Any]) -> Any:
     """Return a copy of a frozen description with values changed at dotted keys, unchecked."""
-    tree: dict[str, Any] = {}
-    for key, value in values.items():
-        *tables, name = _steps(model, key)
-        at = tree
-        for table in tables:
-            at = at.setdefault(table, {})
-        at[name] = value
-    return _changed(model, tree)
+    return _changed(model, nested((_steps(model, key), value) for key, value in values.items()))
 
 
 def _changed(model: Any, tree: Mapping[str, Any]) -> Any:

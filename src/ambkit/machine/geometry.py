@@ -116,22 +116,14 @@ RIGID = Shaft()  #: For a rigid rotor, or without bending.
 def axes_of(bearings: tuple[BearingAt, ...], shaft: Shaft = RIGID) -> tuple[Axis, ...]:
     """Return the axes of bearings, in order."""
     return tuple(
-        Axis(name, line, bearing)
-        for bearing in bearings
-        for name, line in _lines(
-            bearing, shaft, two=bearing.type == "radial", axial=bearing.type == "thrust"
-        )
+        Axis(name, line, bearing) for bearing in bearings for name, line in _lines(bearing, shaft)
     )
 
 
 def readings_of(sensors: tuple[SensorAt, ...], shaft: Shaft = RIGID) -> tuple[Reading, ...]:
     """Return the readings of sensors, in order."""
     return tuple(
-        Reading(name, line, sensor)
-        for sensor in sensors
-        for name, line in _lines(
-            sensor, shaft, two=sensor.type == "radial", axial=sensor.type == "axial"
-        )
+        Reading(name, line, sensor) for sensor in sensors for name, line in _lines(sensor, shaft)
     )
 
 
@@ -145,12 +137,11 @@ def nearest(sensors: tuple[SensorAt, ...], axis: Axis) -> SensorAt:
     return min(sensors, key=away)
 
 
-def _lines(
-    placed: BearingAt | SensorAt, shaft: Shaft, *, two: bool, axial: bool
-) -> Iterator[tuple[str, Line]]:
-    if axial:
+def _lines(placed: BearingAt | SensorAt, shaft: Shaft) -> Iterator[tuple[str, Line]]:
+    if placed.type in ("thrust", "axial"):
         yield placed.name, Line.along()
         return
+    two = placed.type == "radial"
     yield f"{placed.name}{'1' if two else ''}", shaft.line(placed.place, placed.angle)
     if two:
         yield f"{placed.name}2", shaft.line(placed.place, placed.angle + math.pi / 2)

@@ -20,7 +20,7 @@ from pydantic import (
 
 from ambkit.base.config import Part, Read, read_unchecked
 from ambkit.base.config.quantities import FilePath, InOther, Quantity, from_folder
-from ambkit.base.config.toml_text import flattened
+from ambkit.base.config.toml_text import flattened, nested
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.machine.accessories import ColouredNoise, Hum, Runout
@@ -63,14 +63,7 @@ def _pairs(tables: Any) -> tuple[tuple[str, Any], ...]:
 
 
 def _tables(pairs: tuple[tuple[str, Any], ...]) -> dict[str, Any]:
-    result: dict[str, Any] = {}
-    for key, value in pairs:
-        *tables, name = key.split(".")
-        at = result
-        for table in tables:
-            at = at.setdefault(table, {})
-        at[name] = value
-    return result
+    return nested((key.split("."), value) for key, value in pairs)
 
 
 class Magnet(LawKeys):

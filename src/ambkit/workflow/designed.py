@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -142,15 +142,20 @@ class Design(Result):
         }  # fmt: skip
 
     def figures(self) -> list[Figure]:
-        raw = engineering(self.chosen.raw, "m", 3)
-        return [
-            design_figure(
-                [c.kind for c in self.candidates],
-                [c.errors for c in self.candidates],
-                self.chosen.raw,
-                f"Errors of the candidates (chosen: {self.chosen.kind}; raw sensors: {raw})",
-            )
-        ]
+        chosen, kinds = self.chosen, [c.kind for c in self.candidates]
+
+        def bars(signal: str) -> list[Item]:
+            return [Bars(kinds, np.array([c.errors[signal] for c in self.candidates]), label="")]
+
+        raw = engineering(chosen.raw, "m", 3)
+        panels = [
+            Panel(Axis(""), Axis("error of position", "µm rms", 1e6),
+                  [*bars("x"), Rule(chosen.raw, signal="limit", label="raw sensor")]),
+            Panel(Axis(""), Axis("error of disturbance force", "N rms"), bars("f_d")),
+        ]  # fmt: skip
+        title = f"Errors of the candidates (chosen: {chosen.kind}; raw sensors: {raw})"
+        caption = "In simulated runs of the machine."
+        return [Figure("design", title, caption, panels, columns=2)]
 
 
 def _of_gains(pid: PID) -> list[Row]:
@@ -180,24 +185,3 @@ def _of_candidate(of: TunedCandidate) -> list[Row]:
         Row("efficiency", "bound / error of x", of.efficiency, "%"),
         Row("peak", "peak of |S|", of.peak, "|S|"),
     ]  # fmt: skip
-
-
-def design_figure(
-    names: Sequence[str], errors: Sequence[Mapping[str, float]], raw: float, title: str
-) -> Figure:
-    """Plot the errors of the candidate filters beside that of the raw sensor."""
-
-    def bars(signal: str) -> list[Item]:
-        return [Bars(names, np.array([error[signal] for error in errors]), label="")]
-
-    return Figure(
-        id="design",
-        title=title,
-        caption="In simulated runs of the machine.",
-        panels=[
-            Panel(Axis(""), Axis("error of position", "µm rms", 1e6),
-                  [*bars("x"), Rule(raw, signal="limit", label="raw sensor")]),
-            Panel(Axis(""), Axis("error of disturbance force", "N rms"), bars("f_d")),
-        ],
-        columns=2,
-    )  # fmt: skip

@@ -6,7 +6,7 @@ import json
 import re
 import sys
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -243,4 +243,15 @@ def flattened(tree: Mapping[str, Any], before: str = "") -> dict[str, Any]:
     for key, value in tree.items():
         name = f"{before}{key}"
         result |= flattened(value, f"{name}.") if isinstance(value, Mapping) else {name: value}
+    return result
+
+
+def nested(pairs: Iterable[tuple[Sequence[str], Any]]) -> dict[str, Any]:
+    """Return values by the steps of their keys as nested tables."""
+    result: dict[str, Any] = {}
+    for (*tables, name), value in pairs:
+        at = result
+        for table in tables:
+            at = at.setdefault(table, {})
+        at[name] = value
     return result

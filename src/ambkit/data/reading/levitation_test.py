@@ -9,9 +9,10 @@ modulating functions). Everything is in samples, in any units.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 
@@ -202,21 +203,32 @@ def turning(band: Band) -> Array:
 
 AGO = 3  #: Boxes between what is regressed and its instruments: half of the kernel.
 LONG = 60  #: Boxes that a record has at least.
+NO_FIT = (-1.0, 0.0, 0.0, 0.0)  #: Pole, rate, gain and evidence of a pair that is none.
+COIL = (0.05, 20.0)  #: Of the coil's rate R/L over the unstable pole; a current beyond.
 TELLS = (2.0, 13.0)  #: Least pole and gain over standard error: in each band, in sum.
 
 
 def instrumented(channels: Array, rows: Sequence[int]) -> list[LevitationFit]:
     """Find the pairs of channels that move as a rotor and its current do; the best first."""
+    return agreed_pairs(channels, rows, _sums, _fit, TELLS, ALIKE)
+
+
+def agreed_pairs(
+    channels: Array, rows: Sequence[int], prepared: Callable[..., tuple[Any, ...]],
+    fit: Callable[..., tuple[float, ...]], tells: tuple[float, float], ratio: float,
+) -> list[LevitationFit]:  # fmt: skip
+    """Fit all pairs of channels in each band, and return those whose bands agree."""
     # channels (m, n)
-    fits: dict[tuple[int, int], list[tuple[int, float, float, float, float]]] = {}
+    fits: dict[tuple[int, int], list[Array]] = {}
     for box, thin, values in decimated(channels[list(rows)]):
         if values.shape[1] < LONG * box:
             break
-        sums = _sums(values, box, thin)
+        of_band = prepared(values, box, thin)
         for i, j in permutations(range(len(rows)), 2):
-            fits.setdefault((rows[i], rows[j]), []).append((box * thin, *_fit(*sums, i, j)))
-    results = [best for pair, bands in fits.items() if (best := _agreed(*pair, bands))]
-    return sorted(results, key=lambda item: -item.evidence)
+            of_pair = fits.setdefault((rows[i], rows[j]), [])
+            of_pair.append(np.array([box * thin, *fit(*of_band, i, j)]))
+    results = (_agreed(*pair, bands, tells, ratio) for pair, bands in fits.items())
+    return sorted(filter(None, results), key=lambda item: -item.evidence)
 
 
 def _sums(values: Array, box: int, thin: int) -> tuple[Array, Array, Array, Array, int]:
@@ -236,23 +248,23 @@ def _sums(values: Array, box: int, thin: int) -> tuple[Array, Array, Array, Arra
 def _fit(
     zz: Array, zb: Array, sb: Array, aa: Array, count: int, i: int, j: int
 ) -> tuple[float, float, float, float]:
-    """Return a and b of a pair, and by how many standard errors each is off zero."""
+    """Return pole, no rate, gain, and by how many standard errors the less certain is off zero."""
     m = len(aa)
     z, x = [i, j, m + i, m + j], [i, j]
     try:
         estimate, spread = two_stages(zz, zb, z, x, m + i)
         free, _ = two_stages(zz, zb, z, [i, j, 2 * m + i], m + i)
     except np.linalg.LinAlgError:
-        return -1.0, 0.0, 0.0, 0.0
+        return NO_FIT
     a, b = estimate
-    if not free[0] > 0.5 * a:  # friction explains it as well
-        return -1.0, 0.0, 0.0, 0.0
+    if not (free[0] > 0.5 * a and a > 0):  # friction explains it as well
+        return NO_FIT
     left = aa[i] - 2 * (a * sb[i, m + i] + b * sb[j, m + i])
     left += a * a * sb[i, i] + 2 * a * b * sb[i, j] + b * b * sb[j, j]
     # Rows half a box apart share their kernel: a quarter of them count.
     error = spread * np.sqrt(max(left, 0.0) / count * 4)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return float(a), float(b), float(abs(a) / error[0]), float(abs(b) / error[1])
+        return float(np.sqrt(a)), 0.0, float(b), float((np.abs([a, b]) / error).min())
 
 
 def two_stages(zz: Array, zb: Array, z: list[int], x: list[int], y: int) -> tuple[Array, Array]:
@@ -267,23 +279,25 @@ def two_stages(zz: Array, zb: Array, z: list[int], x: list[int], y: int) -> tupl
 
 
 def _agreed(
-    i: int, j: int, bands: Sequence[tuple[int, float, float, float, float]]
+    i: int, j: int, bands: Sequence[Array], tells: tuple[float, float], ratio: float
 ) -> LevitationFit | None:
     """Return what three neighbouring bands tell, if they tell the same."""
     best = None
     for near in zip(bands, bands[1:], bands[2:], strict=False):
-        box, a, b, of_a, of_b = (np.array(item) for item in zip(*near, strict=True))
-        if not (a.min() > 0 and abs(np.sign(b).sum()) == 3):
+        box, pole, rate, gain, evidence = np.array(near).T
+        if not (pole.min() > 0 and abs(np.sign(gain).sum()) == 3):
             continue
-        pole, gain = np.sqrt(a), abs(b)
-        mean_pole = pole.mean() * box[1]
-        evidence = np.minimum(of_a, of_b)
+        size, middle, coil = abs(gain), pole.mean() * box[1], rate[1]
         if (
-            pole.max() <= ALIKE * pole.min() and gain.max() <= ALIKE * gain.min()
-            and POLE[0] < mean_pole < POLE[1] and evidence.min() > TELLS[0]
-            and evidence.sum() > TELLS[1]
+            pole.max() <= ALIKE * pole.min() and size.max() <= ratio * size.min()
+            and rate.max() <= ALIKE**2 * rate.min()
+            and POLE[0] < middle < POLE[1] and evidence.min() > tells[0]
+            and evidence.sum() > tells[1]
+            and (not coil or COIL[0] * pole.mean() < rate.mean() < COIL[1] * pole.mean())
             and (best is None or evidence.sum() > best.evidence)
         ):  # fmt: skip
-            fit = float(pole.mean()), float(b[1]), 0.0, int(box[1])
-            best = LevitationFit(i, j, *fit, float(evidence.sum()), False)
+            best = LevitationFit(
+                i, j, float(pole.mean()), float(gain[1] / (coil or 1.0)), 0.0,
+                int(box[1]), float(evidence.sum()), False, float(rate.mean()),
+            )  # fmt: skip
     return best

@@ -10,7 +10,6 @@ on the poles.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import permutations
 
 import numpy as np
 
@@ -18,39 +17,26 @@ from ambkit.base.arrays import Array
 from ambkit.data.reading.levitation_test import (
     AGO,
     ALIKE,
-    LONG,
+    NO_FIT,
     OPPOSED,
-    POLE,
     TURNS,
     LevitationFit,
-    decimated,
+    agreed_pairs,
     moving_averages,
     two_stages,
 )
 
 ORDER = 3  #: Of the derivative that is explained.
 TELLS = (1.5, 6.0)  #: Least gain over its standard error: in each of the bands, in sum.
-COIL = (0.05, 20.0)  #: Of the coil's rate R/L over the unstable pole; a current beyond.
 
 
 def voltage_fits(channels: Array, rows: Sequence[int]) -> list[LevitationFit]:
     """Find the pairs of channels that move as a rotor and its voltage do; the best first."""
-    # channels (m, n)
-    fits: dict[tuple[int, int], list[Array]] = {}
-    for box, thin, values in decimated(channels[list(rows)]):
-        if values.shape[1] < LONG * box:
-            break
-        derivatives = _derivatives(values, box, thin)
-        for i, j in permutations(range(len(rows)), 2):
-            fits.setdefault((rows[i], rows[j]), []).append(
-                np.array([box * thin, *_fit(derivatives, i, j, box)])
-            )
-    results = [best for pair, bands in fits.items() if (best := _agreed(*pair, bands))]
-    return sorted(results, key=lambda item: -item.evidence)
+    return agreed_pairs(channels, rows, _derivatives, _fit, TELLS, ALIKE**2)
 
 
-def _derivatives(values: Array, box: int, thin: int) -> Array:
-    """Return smoothed channels and their derivatives (4, m, rows), all by one kernel."""
+def _derivatives(values: Array, box: int, thin: int) -> tuple[Array, int]:
+    """Return smoothed channels and their derivatives (4, m, rows), all by one kernel of a box."""
     size = values.shape[1] - 6 * (box - 1) - ORDER
     result = []
     for order in range(ORDER + 1):
@@ -61,12 +47,11 @@ def _derivatives(values: Array, box: int, thin: int) -> Array:
         for _ in range(ORDER - order):
             part = (part[:, 1:] + part[:, :-1]) / 2
         result.append(part[:, :size])
-    return np.array(result)
+    return np.array(result), box
 
 
-def _fit(derivatives: Array, i: int, j: int, box: int) -> tuple[float, float, float, float]:
+def _fit(derivatives: Array, box: int, i: int, j: int) -> tuple[float, float, float, float]:
     """Return pole, rate of the coil, gain, and that over its error."""
-    nothing = (-1.0, 0.0, 0.0, 0.0)
     ago, step = AGO * box, max(1, box // 2)
     regressors = np.array([*derivatives[2::-1, i], derivatives[0, j]])
     instruments = np.concatenate([derivatives[:3, i], derivatives[:2, j]])[:, :-ago:step]
@@ -78,12 +63,12 @@ def _fit(derivatives: Array, i: int, j: int, box: int) -> tuple[float, float, fl
     speed = [derivatives[1, k].std() / max(derivatives[0, k].std(), 1e-300) for k in (i, j)]
     alike = np.corrcoef(derivatives[0, i], derivatives[0, j])[0, 1] if scale.all() else 1.0
     if speed[1] <= speed[0] or abs(alike) > TURNS:
-        return nothing
+        return NO_FIT
     rows, z = rows / scale[:, None], z / z.std(axis=1, keepdims=True)
     try:
         weights, spread = two_stages(z @ z.T, z @ rows.T, list(range(len(z))), [0, 1, 2, 3], 4)
     except np.linalg.LinAlgError:
-        return nothing
+        return NO_FIT
     left = float(np.mean((rows[4] - weights @ rows[:4]) ** 2))
     # Rows half a box apart share their kernel: a quarter of them count.
     error = max(2 * float(spread[3]) * np.sqrt(left), 1e-300)
@@ -92,28 +77,5 @@ def _fit(derivatives: Array, i: int, j: int, box: int) -> tuple[float, float, fl
     unstable = poles[poles.real > 0]
     # As in balance, position and voltage are against each other; a velocity and it are not.
     if unstable.size != 1 or not w[0] < 0 or -np.sign(w[3]) * alike < OPPOSED:
-        return nothing
+        return NO_FIT
     return float(unstable[0].real), -float(w[0]), float(w[3]), abs(weights[3]) / error
-
-
-def _agreed(i: int, j: int, bands: Sequence[Array]) -> LevitationFit | None:
-    """Return what three neighbouring bands tell, if they tell the same."""
-    best = None
-    for near in zip(bands, bands[1:], bands[2:], strict=False):
-        box, pole, rate, gain, evidence = np.array(near).T
-        if not (pole.min() > 0 and abs(np.sign(gain).sum()) == 3):
-            continue
-        size, middle = abs(gain), pole.mean() * box[1]
-        if (
-            pole.max() <= ALIKE * pole.min() and size.max() <= ALIKE**2 * size.min()
-            and rate.max() <= ALIKE**2 * rate.min()
-            and POLE[0] < middle < POLE[1] and evidence.min() > TELLS[0]
-            and evidence.sum() > TELLS[1]
-            and COIL[0] * pole.mean() < rate.mean() < COIL[1] * pole.mean()
-            and (best is None or evidence.sum() > best.evidence)
-        ):  # fmt: skip
-            best = LevitationFit(
-                i, j, float(pole.mean()), float(gain[1] / rate[1]), 0.0,
-                int(box[1]), float(evidence.sum()), False, float(rate.mean()),
-            )  # fmt: skip
-    return best

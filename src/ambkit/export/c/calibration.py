@@ -76,17 +76,7 @@ class Limits(NamedTuple):
 Parts = dict[str, float]  #: Factors on the exported values by name; others are 1.
 
 
-def limits(controller: Controller, numbers: Sequence[Number]) -> Limits:
-    """Return the widest limits within which every set of values keeps the margins."""
-    with one_thread():
-        low, high, peak = _widest(controller, numbers)
-    lowest, highest = (
-        {at.name: _limit(at, by.get(at.name, 1.0), k, controller) for at in numbers}
-        for k, by in enumerate((low, high))
-    )
-    return Limits(lowest, highest, peak)
-
-
+@one_thread()
 def _widest(controller: Controller, numbers: Sequence[Number]) -> tuple[Parts, Parts, float]:
     """Return the ends of all factors, and the highest peak of abs(S) within them."""
     loops = _Loops(controller, numbers)
@@ -332,8 +322,14 @@ def numbers(controller: Controller) -> list[Number]:
 
 @lru_cache(maxsize=4)
 def limits_of(controller: Controller) -> Limits:
-    """Return the limits on the running rig, by name."""
-    return limits(controller, numbers(controller))
+    """Return the widest limits within which every set of values keeps the margins."""
+    of = numbers(controller)
+    low, high, peak = _widest(controller, of)
+    lowest, highest = (
+        {at.name: _limit(at, by.get(at.name, 1.0), k, controller) for at in of}
+        for k, by in enumerate((low, high))
+    )
+    return Limits(lowest, highest, peak)
 
 
 def _fields(controller: Controller, name: str) -> dict[str, Any]:

@@ -161,14 +161,10 @@ def demands(
     # i/s``, which current and motion change. Of a radial bearing the displacement is that of the
     # orbit.
     # current_noise (p,) [A]; position_noise (p,) [m]
-    isolated, pairs = isolated_axes(of), synchronous_pairs(of)
-    x0, iu = np.atleast_1d(point.x), np.atleast_1d(point.iu)
-    displacement = orbit(x0, pairs) + SIGMAS * position_noise
-    swing, square = SIGMAS * current_noise, iu**2 + current_noise**2
-    for response in responses:
-        displacement = displacement + orbit(response.x, pairs)
-        swing = swing + np.abs(response.i)
-        square = square + np.abs(response.i) ** 2 / 2
+    isolated, iu = isolated_axes(of), np.atleast_1d(point.iu)
+    displacement, swing, square = swings(
+        point, synchronous_pairs(of), current_noise, position_noise, responses
+    )
     capacities = _capacities(loop, of, point, displacement, swing)
     results = []
     for k, b in enumerate(isolated):
@@ -178,6 +174,21 @@ def demands(
         far, most = float(displacement[k]), float(abs(iu[k]) + swing[k])
         results.append(Demands(far, b.clearance, most, loss, warm, capacities[k]))
     return results
+
+
+def swings(
+    point: OperatingPoint, pairs: Sequence[Sequence[int]], current_noise: Array,
+    position_noise: Array, responses: Sequence[HarmonicResponse],
+) -> tuple[Array, Array, Array]:  # fmt: skip
+    """Return displacement [m], swing and mean square of the current of each axis [A], [A^2]."""
+    # current_noise (p,) [A]; position_noise (p,) [m]
+    displacement = orbit(np.atleast_1d(point.x), pairs) + SIGMAS * position_noise
+    swing, square = SIGMAS * current_noise, np.atleast_1d(point.iu) ** 2 + current_noise**2
+    for response in responses:
+        displacement = displacement + orbit(response.x, pairs)
+        swing = swing + np.abs(response.i)
+        square = square + np.abs(response.i) ** 2 / 2
+    return displacement, swing, square
 
 
 def coil_current_squares(machine: Machine, iu: float, square: float) -> list[float]:
