@@ -79,7 +79,7 @@ class OverSpeed(Result):
     @property
     def hottest(self) -> tuple[float, float] | None:
         """Maximum coil temperature [K], and its speed [rad/s]; None if unknown."""
-        return None if self.temperature is None else self._greatest(self.temperature)
+        return None if self.temperature is None else self._max_and_speed(self.temperature)
 
     @property
     def temperature_limit(self) -> float | None:
@@ -91,7 +91,7 @@ class OverSpeed(Result):
     @property
     def worst(self) -> tuple[float, float]:
         """Maximum of abs(S) [1], and its speed [rad/s]; infinite if unstable there."""
-        return self._greatest(self.peaks, unknown=np.inf)
+        return self._max_and_speed(self.peaks, unknown=np.inf)
 
     @property
     def zone(self) -> str:
@@ -101,14 +101,14 @@ class OverSpeed(Result):
     @property
     def farthest(self) -> tuple[float, float]:
         """Maximum share of a clearance [1], and its speed [rad/s]."""
-        return self._greatest(self.orbit / self.clearance)
+        return self._max_and_speed(self.orbit / self.clearance)
 
     @property
     def hardest(self) -> tuple[float, float]:
         """Maximum share of a current limit [1], and its speed [rad/s]."""
-        return self._greatest(self.current / self.current_limit)
+        return self._max_and_speed(self.current / self.current_limit)
 
-    def _greatest(self, share: Array, unknown: float = -np.inf) -> tuple[float, float]:
+    def _max_and_speed(self, share: Array, unknown: float = -np.inf) -> tuple[float, float]:
         parts = np.where(np.isnan(share), unknown, share).max(axis=1)
         at = int(np.argmax(parts))
         return float(parts[at]), float(self.speed[at])
