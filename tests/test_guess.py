@@ -369,13 +369,18 @@ def test_the_fields_names_are_known(tmp_path, headers):
 
 @pytest.mark.parametrize("head", [
     "LabVIEW Measurement\nSeparator,Comma\nMulti_Headings,No\n\nX_Value,Weg,Strom,Comment",
+    "LabVIEW Measurement\nSamples 2048 2048\nX_Dimension Time Time\n\nX_Value,Weg,Strom,Comment",
     "Model,MSO24\nLabel,,\nx-axis,1,2\nsecond,Volt,Volt",
+    "Time,Pos,Cur\nhh:mm:ss,um,A",
 ])  # fmt: skip
 def test_instruments_heads_are_read(tmp_path, head):
     rig = of_a_rig()
     rows = np.column_stack([rig["t"], 2 + 1e4 * rig["y"], rig["i"]])
     np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header=head)
-    first, y, u = head.split("\n")[-1 - ("Volt" in head)].split(",")[:3]
+    with (tmp_path / "log.csv").open("a") as file:
+        file.write("# stopped by the user\n\n# 3000 samples, 0 lost\n")
+    is_above_units = head.endswith(("Volt", "um,A"))
+    first, y, u = head.split("\n")[-1 - is_above_units].split(",")[:3]
     assert names_of(guess(tmp_path / "log.csv")) == {"t": first, "y": y, "u": u}
 
 
@@ -386,10 +391,12 @@ def test_instruments_heads_are_read(tmp_path, head):
     ("t,pos,i_ref,i_meas", "t y u i", 3000, ""),
     ("t,y,i_cmd,F", "t y u force", 3000, "u: F or i_cmd"),
     ("t,temperature,position", "t y u", 3000, "y: position: named so"),
+    ("t,a,b,c", "t y i3 u2", 3000, "u: c or b: it goes with it"),
 ])  # fmt: skip
 def test_ambiguity_is_said(tmp_path, head, marks, size, line):
     rig = of_a_rig(size)
-    rig["force"] = np.round(40 * rig["i"], 2)
+    rig |= {"force": np.round(40 * rig["i"], 2), "i3": np.round(rig["i"], 3)}
+    rig["u2"] = np.round(2 * rig["u"], 3)
     rows = np.column_stack([rig[mark] for mark in marks.split()])
     np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header=head)
     said = [text for text in guess(tmp_path / "log.csv").splitlines() if text.startswith("# ?")]
@@ -417,8 +424,10 @@ def test_a_command_leads_the_current_that_follows_it(tmp_path):
     rig = of_a_rig()
     rows = np.column_stack([rig["t"], rig["y"], rig["i"], rig["u"]])
     np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header="t,gap,amps A,amps B")
-    found = names_of(guess(tmp_path / "log.csv"))
+    text = guess(tmp_path / "log.csv")
+    found = names_of(text)
     assert (found["u"], found["current"]) == ("amps B", "amps A")
+    assert ChannelMap.from_toml(text).signals["u"].unit == "A"
 
 
 def test_a_control_is_that_of_the_positions_own_axis(tmp_path):
@@ -449,6 +458,7 @@ def test_names_in_national_encodings_are_read(tmp_path, codec, header):
     ("t,y,u,x_obs", "t y u T", {}),
     ("t,Sensor A,Sensor B,u", "t twin y u", {"y": "Sensor A"}),
     ("t,a [m],b [m],u", "t steps y u", {"y": "b"}),
+    ("t,e [m],y [m],u", "t e y u", {}),
     ("t_log,t_ctrl,y,u", "jumps t y u", {"t": "t_ctrl"}),
     ("t,y_cmd,y_meas,u", "t y r u", {"y": "y_cmd", "r": "y_meas"}),
     ("t,y,u1,u2", "t y u i", {"u": "u1", "current": "u2"}),
@@ -486,7 +496,7 @@ def test_a_rate_above_the_numbers_is_read(tmp_path, line, step):
 
 @pytest.mark.parametrize(("label", "unit", "scale"), [
     ("pos (0.1um)", "um", 0.1), ("pos_0p1um", "um", 0.1), ("pos [?m]", "µm", 1), ("pos", "µm", 1),
-    ("pos (A0)", "µm", 1),
+    ("pos (A0)", "µm", 1), ("fActPosUm", "um", 1), ("nm", "nm", 1),
 ])  # fmt: skip
 def test_units_of_fieldbuses_and_damaged_ones_are_read(tmp_path, label, unit, scale):
     rig = of_a_rig(400)  # without a unit the size of the noise says it

@@ -8,6 +8,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 from ambkit.base.escaping import one_line
@@ -160,7 +161,7 @@ def _score(lines: Sequence[str], separator: str, decimal: str) -> tuple[float, i
     rows = [split(line, separator) for line in lines]
     width = Counter(map(len, rows)).most_common(1)[0][0]
     score = 0.0
-    for row in rows:
+    for row in rows[len(rows) // 2 :]:  # below what may be numbers of a long header
         filled = [cell for cell in row if cell not in MISSING]
         if len(row) == width and filled:
             numbers = sum(_is_number(cell, decimal) for cell in filled)
@@ -218,7 +219,8 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
     rows[last] = rows[last][0], rows[last][1][:width]
     # Names above units may be numbers, such as an oscilloscope's channels.
     above = last - 1 if last and len(rows[last - 1][1]) == width else last
-    if above == last or not _are_units(rows[last][1]):
+    not_times = [cell for k, cell in enumerate(rows[last][1]) if k not in stamps]  # hh:mm:ss
+    if above == last or not _are_units(not_times):
         header = last
         names, units = zip(*map(_label, rows[header][1]), strict=True)
     else:
@@ -239,20 +241,17 @@ def _label(label: str) -> tuple[str, str | None]:
     return (match[1], match[2]) if match else (label, None)
 
 
-_OTHER_UNITS = {"°C", "℃", "degC", "°F", "rpm", "U/min", "1/min", "bar"}
-
-
 def _are_units(row: Sequence[str]) -> bool:
-    """Return whether all cells of a row are units, and at least one is not empty."""
+    """Return whether most cells of a row that are not empty are units."""
     from ambkit.data.signals import si_unit
 
-    bare = [_bare(cell.lstrip("0123456789., ")) for cell in row]  # 100 ns, of a fieldbus
-    for unit in {*filter(None, bare)} - _OTHER_UNITS:
-        try:
-            si_unit(unit)
-        except ValueError:
-            return False
-    return any(bare)
+    bare = [*filter(None, map(_bare, row))]
+    known = 0
+    for unit in bare:
+        with suppress(ValueError):
+            si_unit(re.sub(r"^[\d., ]+(?=[^\W\d])", "", unit))  # 100 ns, of a fieldbus
+            known += 1
+    return 2 * known > len(bare)
 
 
 def _bare(cell: str) -> str | None:

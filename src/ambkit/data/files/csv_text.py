@@ -39,6 +39,7 @@ from ambkit.data.files.log import (
 _KEY = re.compile(r"[^\w.-]")  # characters that no key of a note has
 _NOTE = re.compile(r"#\s*([\w.-]+):\s(.*)")
 _NOTES = re.compile(r'(.+),"# (\{.*\})"')
+_COMMENTS_AT_END = re.compile(r"(?:\n+[#%].*)+\n*\Z")
 _UNEVEN_LINE_ENDS = re.compile(r"\r\n?")
 _MINUS = re.compile("\N{MINUS SIGN}(?=[\\d.,])")  # as printed by some programs
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[.,' \u00a0\u202f]\d{3})+(?:[.,]\d*)?")
@@ -139,6 +140,7 @@ def parse(
     text = _UNEVEN_LINE_ENDS.sub("\n", text) if "\r" in text else text
     text = _MINUS.sub("-", text) if "\N{MINUS SIGN}" in text else text
     text, known = _without_notes(text)
+    text = _COMMENTS_AT_END.sub("\n", text)
     _check_quotes(text, name)
     head = text[: _end_of_line(text, csv_dialect.LOOKED_AT)].split("\n")
     dialect = csv_dialect.find(head, separators)

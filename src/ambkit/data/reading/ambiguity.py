@@ -68,8 +68,9 @@ def _controls(
     """Yield what else may be the control of the position."""
     own = answers(y, u)
     for c in alike:
-        if c.estimated and c.role in ("u", "i") and not c.called and goes_with(c, u):
-            yield c, "it goes with it: a command or an estimate"
+        is_like = (c.estimated and c.role in ("u", "i")) or (not c.unit and leads(u, c))
+        if is_like and not c.called and goes_with(c, u):
+            yield c, "it goes with it: a command, a measured current or an estimate"
     rivals = [c for c in alike if c.called in ("u", "i") and c.unit == u.unit]
     rivals = [c for c in rivals if not c.estimated and not goes_with(c, u)]
     for c in rivals:

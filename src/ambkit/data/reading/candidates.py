@@ -96,13 +96,14 @@ _UNITS = (
 _UNIT_AT_END = re.compile(
     rf"(?P<name>.*?)(?:(?P<sign> in |, ?| */ ?|_+|_in_|\.| +|(?<=[\u3000-\u9fff]))"
     rf"(?P<unit>{_UNITS})"
+    r"|(?<=[a-z])(?P<camel>Um|Mm|Nm|Ms|Us|Ma)"
     r"|(?<=[A-Z\d])[ _](?P<capitals>MILS?|UM|MM|MS|US))"
 )
 LENGTH_AT_END = re.compile(r"[ _/](?:[µunm]m|mils?)$")
 _UNIT_IN_BRACKETS = re.compile(rf"(.*?) ?[\[(] ?({_UNITS}) ?[\])](.*)")
 _SEVERAL = re.compile(r"(\d+)(?:[.,p](\d+))? ?([^\W\d]\D*)")  #: Of a fieldbus: 100ns, 0.1um, 0p1um.
-_IN_WORDS = {"mps": "m/s", "amps": "A", "amp": "A", "amperes": "A", "volts": "V", "s": "s"}
-_AS_NAMES = {"ms": "ms", "millis": "ms", "us": "us", "micros": "us", "ns": "ns", "ma": "mA"}
+_IN_WORDS = {"mps": "m/s", "amps": "A", "amp": "A", "amperes": "A", "volts": "V",
+             "millis": "ms", "micros": "us", "ma": "mA"}  # fmt: skip
 _OF_LETTERS = {"m": "yr", "s": "t", "A": "ui", "V": "u"}  #: Roles that have these units.
 _CYRILLIC = str.maketrans("мксАВ", "mµsAV")
 _ROLES = {"s": "t", "m": "y", "m/s": "v", "A": "i", "V": "u"}
@@ -158,7 +159,8 @@ def _without_unit(candidate: Candidate, in_amperes: bool) -> str:
     if not unit and (inside := _UNIT_IN_BRACKETS.fullmatch(label)):
         name, unit = inside[1] + inside[3], inside[2]
     elif not unit and (at_end := _UNIT_AT_END.fullmatch(label)) and at_end["name"]:
-        name, unit = at_end["name"], at_end["unit"] or at_end["capitals"].lower()
+        name = at_end["name"]
+        unit = at_end["unit"] or (at_end["capitals"] or at_end["camel"]).lower()
         bare, place = role_of(name), (at_end["sign"] or "").isspace()
         # x_A is in the plane A, and in no amperes.
         if (len(unit) == 1 and place and bare.role not in _OF_LETTERS.get(unit, "")) or (
@@ -167,7 +169,9 @@ def _without_unit(candidate: Candidate, in_amperes: bool) -> str:
         ):  # fmt: skip
             return label
     elif not unit:
-        unit = _AS_NAMES.get(label.lower(), "")
+        lower = label.lower()  # um may be a measured u
+        is_unit = re.fullmatch(_UNITS, lower) and len(lower) > 1 and not role_of(label).role
+        unit = lower if is_unit or lower in _IN_WORDS else ""
     if unit and not candidate.unit:
         candidate.why.append("unit from its name")
     unit = unit.translate(_CYRILLIC).replace("mµ", "µ").replace("_", "/")

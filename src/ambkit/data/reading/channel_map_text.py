@@ -19,6 +19,7 @@ from ambkit.data.reading.derived_channels import is_filtered, rough, standardise
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.first_machine import WeightScale, weight_scale
 from ambkit.data.reading.position_search import NO_NOISE, in_steps
+from ambkit.data.reading.signal_roles import in_one_unit
 from ambkit.data.signals import si_unit
 
 _OF_Y = {
@@ -153,7 +154,7 @@ class _Map:
 
     def _amperes(self, u: Candidate) -> float | None:
         """Return the amperes of a unit of the control; 0 of a voltage, None where not known."""
-        unit = u.unit or _likely_unit(u)
+        unit = self._unit("u", u)[0]
         if si_unit(unit) == "A":  # counts of a converter would be guessed as mA
             return factor(unit, "A") if u.unit or unit == "A" else None
         return 0.0
@@ -193,22 +194,32 @@ class _Map:
         if clock and clock != self.clock:
             yield f"time = {toml_string(self.clocks[clock])}"
 
+    def _unit(self, role: str, candidate: Candidate) -> tuple[str, str, str]:
+        """Return the unit of a channel, its scale, and a comment where the unit is guessed."""
+        if candidate.unit:
+            return candidate.unit, candidate.scale, ""
+        same, current = candidate, self.chosen.get("current")
+        if role == "u" and current is not None and in_one_unit(candidate, current):
+            same = current
+        elif role in ("r", "x_logged") and self.y is not None:
+            same = self.y
+        if same is self.y and self.weight is not None:
+            return self.weight.unit, same.scale, "  # by the weight of the rotor"
+        return same.unit or _likely_unit(same), same.scale, "  # guessed from its size"
+
     def _meaning(self, role: str, candidate: Candidate) -> Iterator[str]:
         """Write unit, scale, sign and, as a hint, the offset of a channel."""
-        unit, comment, y, weight, same = candidate.unit, "", self.y, self.weight, candidate
-        if not unit:
-            same = y if y is not None and role in ("r", "x_logged") else candidate
-            unit, comment = same.unit or _likely_unit(same), "  # guessed from its size"
-            if same is y and weight is not None:
-                unit, comment = weight.unit, "  # by the weight of the rotor"
+        (unit, n, comment), y, weight = self._unit(role, candidate), self.y, self.weight
         yield f"unit = {toml_string(unit)}{comment}"
-        of_current, n = role == "u" and si_unit(unit) == "A", same.scale
+        of_current = role == "u" and si_unit(unit) == "A"
         if of_current:
             why = "the current stands for the control signal: amplifier gain 1 A/V"
             yield f'scale = "{n} V/A"  # {why}'
             hint = "a sensor showed it: it is not held between samples"
-            driven = "control" in self.chosen
-            yield f"measured = true  # {hint}" if driven else f"# measured = true  # if {hint}"
+            if "control" in self.chosen:
+                yield f"measured = true  # {hint}"
+            elif "current" not in self.chosen:
+                yield f"# measured = true  # if {hint}"
         elif scale := _SCALES.get((role, si_unit(unit))):
             yield f'scale = "{n} {scale}'
         elif n != "1":

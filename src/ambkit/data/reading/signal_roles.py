@@ -50,6 +50,7 @@ def find_roles(results: list[Candidate]) -> Rotor | None:
     """Give each candidate the role that its name, its unit or its motion speak for."""
     _read_names(results)
     _find_time(results)
+    results.sort(key=lambda c: c.role == "y" != c.called)  # a unit says less than a name
     _sort_positions(results)
     _check_names(results)
     _find_commands(results)
