@@ -21,6 +21,7 @@ from ambkit.base.arrays import Array, real
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import QuantityLike, in_si
 from ambkit.machine.axes import axis_of
+from ambkit.machine.forces.patches import evaluated
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of, symmetric_current_limit
 
@@ -122,7 +123,7 @@ class StiffnessMap:
             )
         )
         other = self.force_bias if model is None else np.asarray(model(iu, x), dtype=float)
-        return float(np.sqrt(np.mean((_evaluated(self.force, iu, x) - other) ** 2)))
+        return float(np.sqrt(np.mean((evaluated(self.force, iu, x) - other) ** 2)))
 
     def in_core(self, core: ModuleType) -> Table:
         """Build the C implementation: bilinear between the nodes, constant outside.
@@ -268,7 +269,7 @@ def local_stiffness(
     iu, x = np.broadcast_arrays(real("iu", iu), real("x", x))
     currents = iu[..., np.newaxis] + delta_current * _STEP_CURRENT
     displacements = x[..., np.newaxis] + delta_displacement * _STEP_DISPLACEMENT
-    y = _evaluated(force, currents, displacements) - _bias(force)
+    y = evaluated(force, currents, displacements) - _bias(force)
     # Scaled by the steps, both columns are of one size: A of eq. 28 in metres would mix 1 and 1e-4.
     # QR instead of (A'A)^-1 of eq. 31, which would square the condition number.
     a = np.stack([currents / delta_current, displacements / delta_displacement], axis=-1)
@@ -279,25 +280,9 @@ def local_stiffness(
     return k_i, k_s, np.sqrt(np.mean(residual**2, axis=-1))
 
 
-def _evaluated(force: ForceFunction, iu: Array, x: Array) -> Array:
-    """Evaluate the force function, and check for one finite force per point."""
-    answer = np.asarray(force(iu, x), dtype=float)
-    if answer.shape != iu.shape:
-        raise AmbkitError(
-            f"force must return an array of shape {iu.shape}, like its arguments; has shape "
-            f"{answer.shape}"
-        )
-    if not np.all(np.isfinite(answer)):
-        worst = np.unravel_index(np.argmin(np.isfinite(answer)), answer.shape)
-        raise AmbkitError(
-            f"force must be finite, is {answer[worst]} at {iu[worst]:g} A, {x[worst]:g} m"
-        )
-    return answer
-
-
 def _bias(force: ForceFunction) -> float:
     origin = np.zeros(1)
-    return float(_evaluated(force, origin, origin)[0])
+    return float(evaluated(force, origin, origin)[0])
 
 
 def _nodes(name: str, values: ArrayLike | None, usual: Array, unit: str) -> Array:

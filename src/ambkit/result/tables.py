@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from ambkit.base import escaping
@@ -32,7 +33,7 @@ def by_name(result: Stated, *, verbose: bool = True) -> Iterator[tuple[tuple[str
     visible_rows = [row for row in all_rows if (row.section, row.name) in known]
     for name, rows in _grouped(visible_rows, lambda row: row.section):
         section = result.sections.get(name, Section(" ".join(name)))
-        lines = _across(rows) if section.across else _down(rows)
+        lines = _lines(rows, across=section.across)
         if len(lines) > 1:
             texts = any(len(cells[-1]) > LINE for cells in lines)
             yield name, table(section.title, lines[0], lines[1:], wide=texts)
@@ -48,32 +49,19 @@ def remarks(result: Stated, *, verbose: bool = True) -> list[str]:
     return [*dict.fromkeys(own), *result.notes]
 
 
-def _down(rows: Sequence[Row]) -> list[list[str]]:
-    """Return head and lines, with figures as rows and objects as columns."""
-    columns = list(dict.fromkeys(row.of for row in rows))
+def _lines(rows: Sequence[Row], *, across: bool) -> list[list[str]]:
+    """Return head and lines: figures as rows and objects as columns, or the other way across."""
+    of_line, of_column = map(attrgetter, ("of", "name") if across else ("name", "of"))
+    columns = list(dict.fromkeys(map(of_column, rows)))
     more = _more(rows)
-    lines = [["", *columns, *(head for head, _ in more)]]
-    for name, of in _grouped(rows, lambda row: row.name):
-        by = {row.of: row for row in of}
-        lines.append([
-            name, *(_cell(by[c]) if c in by else "–" for c in columns),
-            *(_all(tell, of) for _, tell in more),
-        ])  # fmt: skip
-        if any(row.place() for row in of):
+    lines = [["", *map(str.strip, columns), *(head for head, _ in more)]]
+    for head, of in _grouped(rows, of_line):
+        by = {of_column(row): row for row in of}
+        cells = [_cell(by[c]) if c in by else "–" for c in columns]
+        lines.append([head, *cells, *(_all(tell, of) for _, tell in more)])
+        if not across and any(row.place() for row in of):
             at = [by[c].place() if c in by else "" for c in columns]
             lines.append(["  at", *(text or "–" for text in at), *([""] * len(more))])
-    return lines
-
-
-def _across(rows: Sequence[Row]) -> list[list[str]]:
-    """Return head and lines, with objects as rows and figures as columns."""
-    names = list(dict.fromkeys(row.name for row in rows))
-    more = _more(rows)
-    lines = [["", *map(str.strip, names), *(head for head, _ in more)]]
-    for thing, of in _grouped(rows, lambda row: row.of):
-        by = {row.name: row for row in of}
-        cells = [_cell(by[name]) if name in by else "–" for name in names]
-        lines.append([thing, *cells, *(_all(tell, of) for _, tell in more)])
     return lines
 
 

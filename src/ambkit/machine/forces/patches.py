@@ -51,12 +51,12 @@ def patches(
     cells = FIRST
     while True:
         current, displacement = _nodes(*currents, cells), _nodes(*displacements, cells)
-        values = _evaluated(force, current, displacement)
-        values -= values[np.searchsorted(displacement, 0.0), np.searchsorted(current, 0.0)]
+        values = evaluated(force, *np.meshgrid(current, displacement))
+        values = values - values[np.searchsorted(displacement, 0.0), np.searchsorted(current, 0.0)]
         spline = RectBivariateSpline(displacement, current, values)
         between = [0.5 * (nodes[1:] + nodes[:-1]) for nodes in (current, displacement)]
-        origin = float(_evaluated(force, np.zeros(1), np.zeros(1))[0, 0])
-        off = spline(between[1], between[0]) - (_evaluated(force, *between) - origin)
+        origin = float(evaluated(force, np.zeros(1), np.zeros(1))[0])
+        off = spline(between[1], between[0]) - (evaluated(force, *np.meshgrid(*between)) - origin)
         error, size = float(np.abs(off).max()), float(np.sqrt(np.mean(values**2)))
         if error <= ACCURACY * size:
             break
@@ -79,15 +79,20 @@ def _nodes(low: float, high: float, cells: int) -> Array:
     return step * np.arange(-first, last + 1)
 
 
-def _evaluated(
-    force: Callable[[Array, Array], Array], current: Array, displacement: Array
-) -> Array:
-    iu, x = np.meshgrid(current, displacement)
-    values = np.array(force(iu, x), dtype=float)
-    if not np.isfinite(values).all():
-        at = np.unravel_index(np.argmin(np.isfinite(values)), values.shape)
-        raise AmbkitError(f"force must be finite, is {values[at]} at {iu[at]:g} A, {x[at]:g} m")
-    return values
+def evaluated(force: Callable[[Array, Array], ArrayLike], iu: Array, x: Array) -> Array:
+    """Evaluate the force function, and check for one finite force per point."""
+    answer = np.asarray(force(iu, x), dtype=float)
+    if answer.shape != iu.shape:
+        raise AmbkitError(
+            f"force must return an array of shape {iu.shape}, like its arguments; has shape "
+            f"{answer.shape}"
+        )
+    if not np.all(np.isfinite(answer)):
+        worst = np.unravel_index(np.argmin(np.isfinite(answer)), answer.shape)
+        raise AmbkitError(
+            f"force must be finite, is {answer[worst]} at {iu[worst]:g} A, {x[worst]:g} m"
+        )
+    return answer
 
 
 class PatchedForce(Law):
