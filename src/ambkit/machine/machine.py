@@ -317,16 +317,13 @@ class Machine(Shown, Document):
             return self
         made = self._isolated_axes
         if axis not in made:
-            made[axis] = self._make_isolated(axis)
+            made[axis] = Machine(**short_form.isolated(self, axis))
         return made[axis]
 
     @cached_property
     def _isolated_axes(self) -> dict[str, Machine]:
         """Cache of isolated axes, by name."""
         return {}
-
-    def _make_isolated(self, axis: str) -> Machine:
-        return Machine(**short_form.isolated(self, axis))
 
     @cached_property
     def levitation_currents(self) -> dict[tuple[float, float], float]:

@@ -84,7 +84,7 @@ class Workbench:
         """The page as a notebook widget with settings in both directions; needs anywidget."""
         if not has_widgets():
             raise AmbkitError("the widget needs anywidget: pip install 'ambkit[notebook]'")
-        return widget_of(self.text)
+        return _kind()(page=self.text)
 
     def _repr_mimebundle_(self, **options: Any) -> Any:
         """Return the widget if available, else the page in a frame."""
@@ -154,8 +154,3 @@ def _kind() -> Any:
         settings = traitlets.Unicode().tag(sync=True)
 
     return WorkbenchWidget
-
-
-def widget_of(page: str) -> Any:
-    """Return the widget of a page."""
-    return _kind()(page=page)
