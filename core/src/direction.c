@@ -20,7 +20,8 @@ static amb_real square_of(const amb_real z[2])
 
 void amb_direction_restart(amb_direction *direction)
 {
-  const amb_direction anew = {.held = direction->held,
+  const amb_direction anew = {.size = {direction->size[0], direction->size[1]},
+                              .held = direction->held,
                               .drift = direction->drift,
                               .mirrored = direction->mirrored,
                               .abandoned = direction->abandoned,
@@ -86,6 +87,8 @@ static bool is_reversed(amb_direction *direction)
     direction->mirrored = !direction->mirrored;
     direction->abandoned = share;
     amb_direction_restart(direction);
+    direction->size[0] = AMB_C(0.0); /* estimated in the wrong direction */
+    direction->size[1] = AMB_C(0.0);
   }
   return back;
 }
@@ -107,7 +110,6 @@ void amb_direction_predict(const amb_speed_error *error, const amb_kalman *kf, a
     direction->phase[1] = (size > AMB_C(0.0)) ? (z[1] / size) : AMB_C(0.0);
   }
   direction->angle = amb_magnitude(speed) * kf->set.T;
-  direction->passed += direction->angle;
 }
 
 amb_rotation amb_directed(const amb_speed_error *error, const amb_kalman *kf,

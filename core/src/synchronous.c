@@ -115,55 +115,59 @@ static void follow(const amb_synchronous *pair, const amb_speed_error *error, am
 /* Revolutions after which the size of a pair is known. */
 #define SIZED AMB_C(8.0)
 
-/* Squares of twice the amplitude of the pairs over the initial variance [1]: [0] of those that do
- * not depend on the speed, as runout, [1] of those that do, as unbalance. Twice, because the runout
- * of several sensors may be in phase. */
+/* Square of twice the amplitude of a pair over its initial variance [1], with `share` of the
+ * present variance. Twice, because the runout of several sensors may be in phase. */
+static amb_real relative_size(const amb_speed_error *error, const amb_kalman_state *state, int n,
+                              int k, amb_real share)
+{
+  const int at = error->pair[k].state;
+  amb_real sum = AMB_C(0.0);
+  for (int i = at; i < (at + 2); i++) {
+    sum += (state->mean[i] * state->mean[i]) + (share * state->cov[amb_entry(n, i, i)]);
+  }
+  return (AMB_C(2.0) * sum) / (error->std[at] * error->std[at]);
+}
+
+/* The greatest: [0] of pairs that do not depend on the speed, as runout, [1] of those that do, as
+ * unbalance. */
 static void size_of(const amb_model *model, const amb_speed_error *error,
                     const amb_kalman_state *state, amb_real size[2])
 {
-  const int n = amb_states(model);
   size[0] = AMB_C(0.0);
   size[1] = AMB_C(0.0);
   for (int k = 0; k < error->pairs; k++) {
-    const int at = error->pair[k].state;
     const int which = (error->pair[k].power > AMB_C(0.0)) ? 1 : 0;
-    amb_real sum = AMB_C(0.0);
-    for (int i = at; i < (at + 2); i++) {
-      sum += (state->mean[i] * state->mean[i]) + state->cov[amb_entry(n, i, i)];
-    }
-    const amb_real over = (AMB_C(2.0) * sum) / (error->std[at] * error->std[at]);
-    size[which] = amb_at_least(amb_at_most(over, AMB_C(1.0)), size[which]);
+    const amb_real one = relative_size(error, state, amb_states(model), k, AMB_C(1.0));
+    size[which] = amb_at_least(amb_at_most(one, AMB_C(1.0)), size[which]);
   }
 }
 
-/* Stores the size of the pairs when the angle is lost, and integrates the angle since they started.
- */
-static void note_size(const amb_model *model, const amb_speed_error *error,
-                      const amb_kalman_state *state, const amb_rotation *rotation, amb_real T,
-                      amb_direction *direction)
-{
-  const bool begins = rotation->lost || rotation->afresh || !(direction->passed >= AMB_C(0.0));
-  if (rotation->lost && (direction->passed > (SIZED * AMB_REVOLUTION))) {
-    size_of(model, error, state, direction->size);
-  }
-  direction->passed =
-      begins ? AMB_C(0.0) : (direction->passed + (amb_magnitude(rotation->speed) * T));
-}
+/* Upper limit of the size of pairs that are dropped. */
+#define DROPPED AMB_C(100.0)
 
 /* Adds the uncertainty of the restarted pairs to all states that were estimated without them, also
  * bending and sensor states: otherwise these would separate unbalance from runout, which is
  * impossible at a constant speed. Scaled by the size of the pairs if it is known; velocities by
- * that of unbalance, and by displacements times the speed. */
-static void widen(const amb_model *model, const amb_speed_error *error, const amb_real size[2],
-                  amb_real square_speed, amb_real process_noise[])
+ * that of unbalance, and by displacements times the speed. Otherwise displacements are off by the
+ * pairs that are dropped, too, which grow large in the wrong direction. */
+static void widen(const amb_model *model, const amb_speed_error *error,
+                  const amb_kalman_state *state, const amb_real size[2], amb_real square_speed,
+                  amb_real process_noise[])
 {
   const int n = amb_states(model);
+  amb_real dropped = AMB_C(0.0);
+  for (int k = 0; k < error->pairs; k++) {
+    const amb_real one = relative_size(error, state, n, k, AMB_C(0.0));
+    dropped = amb_at_least(amb_at_most(one, DROPPED), dropped);
+  }
   const amb_real most = amb_at_least(size[0], size[1]);
   const bool sized = (most > AMB_C(0.0)) && (most < AMB_C(1.0));
   int next = amb_first(model, AMB_VELOCITY);
   for (int i = 0; i < n; i++) {
     const amb_role role = amb_model_role(model, i);
-    const amb_real share = sized ? ((role == AMB_VELOCITY) ? size[1] : most) : AMB_C(1.0);
+    const bool displaced = (role == AMB_POSITION) || (role == AMB_SHOWN);
+    const amb_real unsized = displaced ? amb_at_least(dropped, AMB_C(1.0)) : AMB_C(1.0);
+    const amb_real share = sized ? ((role == AMB_VELOCITY) ? size[1] : most) : unsized;
     const amb_real variance = share * (error->std[i] * error->std[i]);
     if ((role != AMB_KNOWN) && (i != error->state)) {
       process_noise[amb_entry(n, i, i)] += variance;
@@ -194,6 +198,12 @@ static bool is_phase_known(const amb_model *model, const amb_speed_error *error,
   return known;
 }
 
+/* Whether the angle filter follows its readings: it knows the angle, and has not restarted. */
+static bool follows_readings(const amb_rotation *rotation)
+{
+  return !rotation->lost && !rotation->afresh && !(rotation->prior > AMB_C(0.0));
+}
+
 /* Whether the pairs continue without the angle sensor, where it loses the angle or restarts: their
  * phase was known after some revolutions, and has been since; for at most a radian of drift by the
  * uncertain speed, because beyond it the linearisation claims what is not known. */
@@ -201,10 +211,13 @@ static bool continues(const amb_speed_error *error, const amb_kalman *kf,
                       const amb_kalman_state *state, const amb_rotation *rotation,
                       amb_direction *direction)
 {
-  const bool follows = !rotation->lost && !rotation->afresh && !(rotation->prior > AMB_C(0.0));
+  const bool follows = follows_readings(rotation);
   const bool settled = direction->passed > (SIZED * AMB_REVOLUTION);
   const int at = error->state;
   const amb_real variance = state->cov[amb_entry(amb_states(&kf->model), at, at)];
+  if (follows && settled && (amb_magnitude(rotation->now) > AMB_C(0.0))) {
+    size_of(&kf->model, error, state, direction->size);
+  }
   direction->drift = follows ? AMB_C(0.0) : (direction->drift + (amb_root(variance) * kf->set.T));
   const bool coherent = direction->drift < AMB_C(1.0);
   direction->held = follows
@@ -216,9 +229,11 @@ static bool continues(const amb_speed_error *error, const amb_kalman *kf,
 /* Twice the log-likelihood ratio that reverses the direction at a restart. */
 #define REVERSED AMB_C(18.0)
 
-/* The speed error for a rotation whose pairs continue. Readings of the position gave the speed
- * `seen` with information J; at a restart it is fused with the new speed of the angle filter, in
- * the direction that fits better. Returns the error for which the transition gives the fused one.
+/* The speed error where the angle filter does not follow its readings. While the angle is lost, the
+ * speed that readings of the position gave last is kept: extrapolating the angle filter's speed
+ * would rotate the pairs of a rotor at rest. They gave the speed `seen` with information J; at a
+ * restart it is fused with the new speed of the angle filter, in the direction that fits better.
+ * Returns the error for which the transition gives the fused one.
  */
 static amb_real continued(const amb_kalman_state *state, int n, int at, amb_real T, bool watched,
                           amb_rotation *by, amb_direction *direction)
@@ -263,18 +278,21 @@ amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_
   amb_rotation by = *rotation;
   by.lost = by.lost && !continuing;
   by.afresh = by.afresh && !continuing;
+  if (at >= 0) {
+    const bool begins = by.lost || by.afresh || !(direction->passed >= AMB_C(0.0));
+    direction->passed =
+        begins ? AMB_C(0.0) : (direction->passed + (amb_magnitude(by.speed) * kf->set.T));
+  }
   if (watched) {
     by = amb_directed(error, kf, state, direction, &by);
   }
-  const amb_real known = ((at < 0) || by.lost || by.afresh) ? AMB_C(0.0) : state->mean[at];
+  const amb_real known = ((at < 0) || by.afresh) ? AMB_C(0.0) : state->mean[at];
   const amb_real speed = by.speed + known;
-  const amb_real next = (continuing && !by.afresh) ? continued(state, amb_states(&kf->model), at,
-                                                               kf->set.T, watched, &by, direction)
-                                                   : known;
+  const bool speed_continues = paired && !by.afresh && !follows_readings(rotation);
+  const amb_real next = speed_continues ? continued(state, amb_states(&kf->model), at, kf->set.T,
+                                                    watched, &by, direction)
+                                        : known;
   amb_turning_to(nodes, speed, by.acceleration, numbers);
-  if ((at >= 0) && !watched) {
-    note_size(&kf->model, error, state, &by, kf->set.T, direction);
-  }
   amb_real *own = (at < 0) ? NULL : amb_transition_entry(&kf->model, numbers, at, at);
   if (own != NULL) {
     *own = by.kept;
@@ -291,10 +309,7 @@ amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_
   }
   amb_model_growth(&kf->model, kf->set.var_d, kf->growth);
   if (by.afresh && (error->std != NULL)) {
-    static const amb_real unknown[2] = {AMB_C(0.0), AMB_C(0.0)};
-    const amb_real *size = watched ? unknown : direction->size;
-    const amb_real speed_variance = watched ? AMB_C(0.0) : by.noise;
-    widen(&kf->model, error, size, (by.now * by.now) + speed_variance, kf->growth);
+    widen(&kf->model, error, state, direction->size, (by.now * by.now) + by.noise, kf->growth);
   }
   const bool sized = amb_at_least(direction->size[0], direction->size[1]) > AMB_C(0.0);
   return (sized && (direction->passed < AMB_REVOLUTION)) ? AMB_C(0.0) : by.now;

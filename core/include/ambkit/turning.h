@@ -68,7 +68,7 @@ typedef struct amb_speed_error {
   bool reverses;       /* no reading shows the direction (AMB_ANGLE_ASSUMED) */
 } amb_speed_error;
 
-/* State of the pairs between samples: their size before the angle was lost, and the direction of
+/* State of the pairs between samples: their size while the angle is known, and the direction of
  * rotation where no reading shows it. All zero at the start. */
 typedef struct amb_direction {
   amb_real size[2];      /* greatest mean square of runout and of unbalance over that of a start
@@ -94,9 +94,9 @@ typedef struct amb_direction {
  * which is finite at zero speed; the part of d in the mean is subtracted.
  *
  * Where the angle filter restarts, the pairs continue if their phase is known: readings of the
- * position give the speed too, and both are fused. Otherwise error and pairs restart, and all
- * states but known ones become as uncertain as at the start, or as pairs of the previous size
- * allow.
+ * position give the speed too, and both are fused. Otherwise error and pairs restart once the angle
+ * is known, and all states but known ones become as uncertain as at the start, or as pairs of the
+ * previous size allow; until then the rotor keeps its last speed.
  *
  * The direction of rotation shows in that speed, or in the corrections of the pairs, which
  * otherwise rotate with the rotor. If it was wrong, speed and acceleration change their sign.
