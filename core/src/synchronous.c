@@ -128,7 +128,7 @@ static amb_real relative_size(const amb_speed_error *error, const amb_kalman_sta
   return (AMB_C(2.0) * sum) / (error->std[at] * error->std[at]);
 }
 
-/* The greatest: [0] of pairs that do not depend on the speed, as runout, [1] of those that do, as
+/* Its maxima: [0] of pairs that do not depend on the speed, as runout, [1] of those that do, as
  * unbalance. */
 static void size_of(const amb_model *model, const amb_speed_error *error,
                     const amb_kalman_state *state, amb_real size[2])

@@ -112,7 +112,8 @@ def evaluate(
 ) -> Evaluation:
     """Run a filter along a record and evaluate the fit."""
     _check(record, horizons, settling)
-    estimate = kalman.run(record)
+    judged_by_nees = record.has_truth and bool(kalman.machine.unbalance)
+    estimate = kalman.run(record, covariance=judged_by_nees)
     names, axes = estimate.readings or ("",), estimate.axes or ("",)
     y = np.column_stack([record[signal("y", name)] for name in names])
     # The filter starts from the first measurement, whose innovation is therefore zero.

@@ -1,9 +1,8 @@
-"""What a filter makes of an unbalance that it does not estimate."""
+"""What filters make of an unbalance."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -21,20 +20,23 @@ from ambkit.machine.magnets import own_time
 
 
 def unbalance_notes(
-    machine: Machine, record: Record, filter: Any, estimate: Estimate | None
+    machine: Machine, record: Record, estimates: Mapping[str, Estimate]
 ) -> Iterator[str]:
-    """Yield whether an unbalance makes a filter inconsistent, or worse than the raw sensors."""
+    """Yield which filters an unbalance makes inconsistent, or worse than the raw sensors."""
     first = round(SETTLING * max(map(own_time, isolated_axes(machine))) / machine.sampling_time)
     if not (machine.unbalance and record.has_truth and first < len(record)):
         return
-    if estimate is None or not filter.by_model or estimate.states_with_role("unbalance"):
-        return
-    share = nees(estimate, record, first, View(machine))
-    x = errors_along(estimate, record, View(machine))["x"][:, first:]
-    error = rms(x) / raw_error(machine, [record], first)
-    if share < CONSISTENT[0] or error > 1 or not np.isfinite(error):
-        yield (
-            f"{filter.name}: with the unbalance, NEES is within its 95 % bound in {percent(share)} "
-            f"of the samples, and the position error is {error:.2f} of the raw sensors'; "
-            "'+unbalance' after the kind adds the states that estimate it"
-        )
+    for name, estimate in estimates.items():
+        if estimate.covariance is None:
+            continue
+        share = nees(estimate, record, first, View(machine))
+        x = errors_along(estimate, record, View(machine))["x"][:, first:]
+        error = rms(x) / raw_error(machine, [record], first)
+        if share < CONSISTENT[0] or error > 1 or not np.isfinite(error):
+            advice = "" if estimate.states_with_role("unbalance") else (
+                "; '+unbalance' after the kind adds the states that estimate it"
+            )  # fmt: skip
+            yield (
+                f"{name}: with the unbalance, NEES is within its 95 % bound in {percent(share)} "
+                f"of the samples, and the position error is {error:.2f} of the raw sensors'{advice}"
+            )

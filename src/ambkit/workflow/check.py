@@ -263,7 +263,8 @@ def _default_with_unbalance(machine: Machine) -> list[str]:
         return []
     filter = default_filter(machine)
     run = simulate_run(machine, scenario_for(machine), estimator=filter)
-    return list(unbalance_notes(machine, run.record, filter, run.estimate))
+    estimates = {} if run.estimate is None else {filter.name: run.estimate}
+    return list(unbalance_notes(machine, run.record, estimates))
 
 
 def _of_signals(scenario: Any) -> str:

@@ -36,6 +36,7 @@ from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.contact import contact_notes
 from ambkit.judge.evaluation import Evaluation, evaluate
+from ambkit.judge.unbalance import unbalance_notes
 from ambkit.machine.axes import isolated_axes, models_of
 from ambkit.machine.machine import Machine
 from ambkit.rotordynamics.harmonics import harmonics
@@ -105,7 +106,8 @@ def filtered(
     if any(item.sentence for of in adequacy.values() for item in of if item.name == "mean NIS"):
         remarks.append("Are units, signs and machine those of this record?")
     estimates = {name: one.evaluation.estimate for name, one in result.estimators.items()}
-    remarks += [*angle_notes(plant, log, estimates), *_warnings(result, len(log), estimates)]
+    remarks += [*angle_notes(plant, log, estimates), *unbalance_notes(plant, log, estimates)]
+    remarks += [*_warnings(result, len(log), estimates)]
     source = str(record) if isinstance(record, str | os.PathLike) else ""
     return replace(result, source=source, adequacy=adequacy, remarks=remarks)
 

@@ -223,8 +223,7 @@ def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator
         estimates = {filter.name if filter is not None else "the filter": run.estimate}
         yield from contact_notes(machine, run.record, estimates)
         yield from angle_notes(machine, run.record, estimates)
-        if filter is not None:
-            yield from unbalance_notes(machine, run.record, filter, run.estimate)
+        yield from unbalance_notes(machine, run.record, estimates)
     if touched and scenario.start == "levitated":
         failed = scenario.off is not None and _touched_at(run) >= scenario.off
         yield _of_the_stop(run, failed)
