@@ -5,9 +5,9 @@
 Each machine has an unbalance of a tenth of its weight at service speed and 3 um of runout. It is
 flown at service speed, run up to it from a tenth, and from it through zero to as much backwards,
 with each sensor of the angle; by pulses, which do not show the direction, backwards from the start
-too, to a standstill of 0.8 s and on, and to a stop of 0.1 s and on with a quarter of the usual
-acceleration stated. All runs once more on the same noise with neither
-unbalance nor runout. Of each run: whether each unbalance is within three of its stated errors at
+too, to a standstill of 0.8 s and on or backwards, and to a stop of 0.1 s and on with a quarter of
+the usual acceleration stated. All runs once more on the same noise with neither unbalance nor
+runout. Of each run: whether each unbalance is within three of its stated errors at
 the end, in the rotor's frame (of a speed signal, which knows no mark, in that of the sensors); the
 root mean square error of the disturbance forces over that of the run without unbalance, once by a
 filter that takes the measured speed for exact (as read, of pulses by the last two) and once by one
@@ -44,12 +44,13 @@ SENSORS: dict[str, dict[str, Any]] = {
     "encoder of 1024 steps": {"type": "encoder", "per_turn": 1024},
 }
 SERVICE = {"tum_mlps": 6000.0, "ufu_rig": 3000.0, "compressor": 9000.0}  #: [rpm]
-BOTH_WAYS = ("through zero", "backwards", "standstill", "stop")
+BOTH_WAYS = ("through zero", "backwards", "standstill", "standstill, then backwards", "stop")
 DRAWN = 8000.0  #: The same of a random machine.
 LATE = 0.5e-3  #: Of a speed signal whose latency is not known [s].
 DURATION = 2.0
 RAMP = 0.8  #: Down to a rest, up, and steady [s].
-RESTS = {"standstill": 0.8, "stop": 0.1}  #: [s].
+#: Duration of the rest [s], and the direction after it.
+RESTS = {"standstill": (0.8, 1), "standstill, then backwards": (0.8, -1), "stop": (0.1, 1)}
 SETTLED = 0.5  #: Judged from here on [s].
 
 
@@ -108,9 +109,9 @@ def flights(machine: Machine, seed: int) -> dict[str, Scenario]:
     result = {
         name: Scenario(duration=DURATION, seed=seed, speed=speed) for name, speed in ramp.items()
     }
-    for name, rest in RESTS.items():
+    for name, (rest, way) in RESTS.items():
         times = tuple(float(t) for t in np.cumsum([0.0, RAMP, rest, RAMP, RAMP]))
-        speed = Recorded(times=times, values=(service, 0.0, 0.0, service, service))
+        speed = Recorded(times=times, values=(service, 0.0, 0.0, way * service, way * service))
         result[name] = Scenario(duration=times[-1], seed=seed, speed=speed)
     return result
 
@@ -180,7 +181,8 @@ def flown(name: str, sensor: dict[str, Any], flight: str, seed: int) -> Turned:
     """Return what a run gives."""
     reverses = {"reverses": True} if flight in BOTH_WAYS else {}
     service = SERVICE.get(name, DRAWN) * math.pi / 30
-    usual = service / {"standstill": RAMP, "stop": 4 * RAMP}.get(flight, 2 * DURATION)
+    rests = dict.fromkeys(RESTS, RAMP) | {"stop": 4 * RAMP}
+    usual = service / rests.get(flight, 2 * DURATION)
     dirty, _ = machines(name, sensor | reverses | {"acceleration": usual}, seed)
     late = {"latency": LATE, "latency_error": 0.0} if "latency_error" in sensor else {}
     assert dirty.angle is not None
