@@ -144,12 +144,12 @@ int main(void)
 
 def test_a_bad_filter_is_not_exported_unasked(rig, monkeypatch, capsys):
     folder, _ = rig
-    monkeypatch.setattr(design_candidates, "FAR_FROM_BOUND", 1.5)
+    monkeypatch.setattr(design_candidates, "FAR_FROM_BOUND", -0.01)
     shutil.rmtree(folder / "out" / "c")
     refused = made(folder)
     assert refused.exported is None
     assert not (folder / "out" / "c").exists()
-    assert "of its position error, less than 150 %" in refused.objections[0]
+    assert "above the Cramér-Rao bound, more than -1 %" in refused.objections[0]
     assert made(folder, anyway=True).exported is not None
 
 

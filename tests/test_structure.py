@@ -1,5 +1,6 @@
 """Structures that a description lacks are named by `identify`, and right plants are not accused."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -44,13 +45,14 @@ def test_wrong_structures_are_named_and_a_right_one_is_not():
         assert set(structure.suspect.split(", ")) & NAMES.get(case.wrong, {case.wrong}), case
         assert verdict == structure.suspect
         if case.wrong == "hysteresis":  # 0.12 A wide: 4 % of the bias current to either side
-            [size] = [d.size for d in structure.departures if d.kind.name == "hysteresis"]
-            assert 0.06 < size < 0.24
+            [width] = [d for d in structure.departures if d.kind.name == "hysteresis"]
+            assert abs(width.size - 0.12) < 3 * width.error < 0.1
             assert any("hysteresis over the current" in text for text in structure.notes)
         if case.wrong == "payload":
             [change] = [d for d in structure.departures if d.kind.name == "change"]
             assert change.where.startswith(("0.5", "500 ms", "499", "501"))
-            assert -0.45 < change.size < -0.12  # 1/1.25 - 1
+            assert change.size == pytest.approx(1 / 1.25 - 1, rel=0.15)
+            assert change.error < 0.01
 
 
 @pytest.mark.long
@@ -81,6 +83,13 @@ def test_a_wrong_structure_is_not_called_good():
     assert f"suspect: {found.structure.suspect}." in found.finding
     assert found.to_dict()["structure"]["structure"]["verdict"] == found.structure.suspect
     assert any(note.startswith("Friction of ") for note in found.notes)
+    [check] = found.validation
+    better = {kind: {k: 0.5 * error for k, error in check.errors["error"].items()}
+              for kind in ("arx", "subspace")}  # fmt: skip
+    own = {"without_later_controls": check.errors["error"]}
+    other = replace(check, suspect="", errors=check.errors | own | better)
+    assert "ARX and subspace predicted better" in other.verdict
+    assert other.good == replace(check, suspect="").good
     half = record.between(0.3, 0.7)
     assert not found.validate(half).validation[0].good
 

@@ -182,6 +182,6 @@ def _of_candidate(of: TunedCandidate) -> list[Row]:
         *(Row(name, f"error of {name}, simulated", of.errors[name], unit, 3)
           for name, unit in EVALUATED.items()),
         Row("load", "  under a step of f_d of", of.load, "N", 3),
-        Row("efficiency", "bound / error of x", of.efficiency, "%"),
+        Row("excess", "error of x above the Cramér-Rao bound", of.excess, "%"),
         Row("peak", "peak of |S|", of.peak, "|S|"),
     ]  # fmt: skip

@@ -7,9 +7,9 @@ depends on them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -43,9 +43,13 @@ class Kind:
     digits: int = 2
     sign: int = 0  #: Only possible sign of its size; 0: both.
     of_reading: bool = False  #: Whether it is part of the reading, not a force.
-    common: float = 0.0  #: Common size in machines, if only a large motion shows it.
+    common: float = 0.0  #: Common size in machines that many records do not show.
+    experiment: str = "move the rotor over the range that it will use"  #: What shows it.
     innocent: bool = False  #: Whether it is no structural error of a plant.
 
+
+JUMPS = ("load jump", "sensor jump")
+ONCE = (*JUMPS, "change")  #: Kinds that belong to one record.
 
 KINDS = {
     kind.name: kind
@@ -60,7 +64,9 @@ KINDS = {
         Kind("force law", "The force differs from the law of [magnet] by a term in {where}",
              "measure a force map, and check bias_current and air_gap", "%"),
         Kind("unequal coils", "The magnets pull with constants that differ by {size}",
-             "check turns and gaps of both; a force map describes them", "%", common=0.2),
+             "check turns and gaps of both; a force map describes them", "%", common=0.2,
+             experiment="measure the zero of the position between the stops, and compare the "
+             "steady control current at two bias currents"),
         Kind("lag", "The force follows the current with a lag of about {size}",
              "set [amplifier] bandwidth or [magnet] eddy_current_lag; a dead time or a sensor lag "
              "does not replace it", "s", sign=1),
@@ -87,17 +93,6 @@ KINDS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Alternative:
-    """One structure with its scale, and its effect along a record."""
-
-    kind: Kind
-    signal: Array  #: (n,) At the filter's steps: force [N] or reading [m], for unit size.
-    where: str = ""  #: Its scale, in words.
-    scale: float = 1.0  #: Factor from that of `signal` to a size in the unit of the kind.
-    begins: int = 0  #: Sample at which it begins.
-
-
-@dataclass(frozen=True, eq=False)
 class Motion:
     """States of a model's filter along a record, at the filter's n steps."""
 
@@ -111,7 +106,9 @@ class Motion:
     @classmethod
     def of(cls, model: LoopModel, record: Record) -> Motion:
         """Run the filter along a record."""
-        out, u, kalman = model.run(record)
+        out, _, kalman = model.run(record)
+        u = replace(model, structures={}).acting_signals(record)[1]
+        read = model.acting_signals(record)[0].reshape(len(u), -1)[:, model.reading]
         every, gain = model.substeps, model.isolated.sensor.gain
         mean, own = out["mean"], model.number
         if kalman.machine.single:
@@ -124,7 +121,7 @@ class Motion:
             iu = model.isolated.amplifier.gain * u
             force = magnet_of(model.isolated).force(iu, x)
             f_d = np.full(x.size, -float(force.mean()) - model.isolated.weight)
-        y = record["y"] - model.position_offset - out["innovation"][::every]
+        y = read[::every] - out["innovation"][::every]
         seen = np.where(np.isfinite(y), y, gain * x[::every])
         return cls(model, model.isolated.amplifier.gain * u, x, v, f_d, np.repeat(seen, every))
 
@@ -158,62 +155,122 @@ class Motion:
         return np.asarray(np.arange(self.i.size) >= sample * self.model.substeps, np.float64)
 
 
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """One structure with its scale, and its effect along a record."""
+
+    kind: Kind
+    motion: Motion
+    #: (n,) At the filter's steps: force [N] or reading [m], for unit size, or for that of a scale.
+    of: Callable[[Motion, float], Array]
+    where: str = ""  #: Its scale, in words.
+    scale: float = 1.0  #: Lag [s] or width [A] of one that is not linear in its size.
+    begins: int = 0  #: Sample at which it begins.
+    record: int = 0  #: Number of the first record that has it.
+
+    @cached_property
+    def signal(self) -> Array:
+        """Its effect along the record."""
+        return self.of(self.motion, self.scale)
+
+    @property
+    def bias(self) -> float:
+        """Possible bias of its size, in the unit of the kind."""
+        # Noise of the current takes a play by about its deviation further to either side.
+        amplifier = self.motion.model.isolated.amplifier
+        noise = abs(amplifier.gain) * math.sqrt(amplifier.noise_variance)
+        return 2 * noise * (self.kind.name == "hysteresis")
+
+    def along(self, motion: Motion, record: int) -> Iterator[Alternative]:
+        """Yield it along another record, if it concerns it."""
+        if record == self.record or self.kind.name not in ONCE:
+            yield replace(self, motion=motion)
+
+    def effect(self, factor: float = 1.0) -> tuple[Array, Array]:
+        """Return its part of the reading [m], and the control [V] that replaces its force."""
+        signal, of = factor * self.signal, self.motion
+        nothing = np.zeros_like(signal)
+        if self.kind.of_reading:
+            return signal, nothing
+        return nothing, signal / (of.k_i * of.model.isolated.amplifier.gain)
+
+
 def alternatives(motion: Motion) -> Iterator[Alternative]:
     """Yield all structures without those that begin at a sample."""
+
+    def linear(kind: str, signal: Callable[[Motion], Array]) -> Alternative:
+        return Alternative(KINDS[kind], motion, lambda along, _: signal(along))
+
     n = motion.i.size // motion.model.substeps
-    yield Alternative(KINDS["drift"], (motion.t - motion.t.mean()) * motion.force)
+    yield linear("drift", lambda of: (of.t - of.t.mean()) * of.force)
     for part in CHANGES:
-        yield change(motion, round(part * n))
+        yield beginning(motion, "change", round(part * n))
     yield from _of_law(motion)
     yield from _of_current(motion)
-    speed = float(np.std(motion.v))
-    yield Alternative(KINDS["friction"], -np.tanh(motion.v / (SLOW * speed)))
-    yield Alternative(KINDS["damping"], -motion.v)
-    gain, seen = motion.model.isolated.sensor.gain, motion.predicted
-    yield Alternative(KINDS["sensor quadratic"], seen**2 / gain)
-    yield Alternative(KINDS["sensor cubic"], seen**3 / gain**2)
+    yield linear("friction", lambda of: -np.tanh(of.v / (SLOW * float(np.std(of.v)))))
+    yield linear("damping", lambda of: -of.v)
+    gain = motion.model.isolated.sensor.gain
+    yield linear("sensor quadratic", lambda of: of.predicted**2 / gain)
+    yield linear("sensor cubic", lambda of: of.predicted**3 / gain**2)
     yield from _resonances(motion)
 
 
-def change(motion: Motion, sample: int) -> Alternative:
-    """Return a change of mass or magnet constant at a sample."""
+def beginning(motion: Motion, kind: str, sample: int) -> Alternative:
+    """Return a change of mass or magnet constant, or a jump of force or zero, at a sample."""
     where = engineering(motion.t[sample * motion.model.substeps], "s", 3)
-    return Alternative(KINDS["change"], motion.after(sample) * motion.inertia, where)
 
+    def signal(of: Motion, _: float) -> Array:
+        return of.after(sample) * (of.inertia if kind == "change" else 1.0)
 
-def jump(motion: Motion, kind: str, sample: int) -> Alternative:
-    """Return a jump of the disturbance force or the sensor's zero at a sample."""
-    where = engineering(motion.t[sample * motion.model.substeps], "s", 3)
-    return Alternative(KINDS[kind], motion.after(sample), where, begins=sample)
+    return Alternative(KINDS[kind], motion, signal, where, begins=sample)
 
 
 def _of_law(motion: Motion) -> Iterator[Alternative]:
-    magnet, i, x = motion.model.isolated.magnet, motion.i, motion.x
-    pull = magnet.magnet_constant * (magnet.bias_current / magnet.air_gap) ** 2
-    a, b = i / magnet.bias_current, x / magnet.air_gap
-    toward, away = (1 + a) / (1 - b), (1 - a) / (1 + b) * (magnet.type == "two-sided")
     # Fröhlich's curve and similar ones lose by a power of the flux, to first order.
-    yield Alternative(KINDS["saturation"], pull * (away**6 - toward**6))
-    if magnet.type == "two-sided":
-        yield Alternative(KINDS["unequal coils"], pull / 2 * (toward**2 + away**2))
-    terms = {"x^2": b**2, "x iu": a * b, "iu^2": a**2, "x^3": b**3, "iu^3": a**3}
-    for name, term in terms.items():
-        yield Alternative(KINDS["force law"], pull * term, name)
+    laws: dict[tuple[str, str], Callable[[Array, Array, Array, Array], Array]] = {
+        ("saturation", ""): lambda _a, _b, toward, away: away**6 - toward**6,
+        ("unequal coils", ""): lambda _a, _b, toward, away: (toward**2 + away**2) / 2,
+        ("force law", "x^2"): lambda _a, b, *_: b**2,
+        ("force law", "x iu"): lambda a, b, *_: a * b,
+        ("force law", "iu^2"): lambda a, *_: a**2,
+        ("force law", "x^3"): lambda _a, b, *_: b**3,
+        ("force law", "iu^3"): lambda a, *_: a**3,
+    }
+
+    def force(law: Callable[..., Array], of: Motion, _: float) -> Array:
+        magnet = of.model.isolated.magnet
+        pull = magnet.magnet_constant * (magnet.bias_current / magnet.air_gap) ** 2
+        a, b = of.i / magnet.bias_current, of.x / magnet.air_gap
+        away = (1 - a) / (1 + b) * (magnet.type == "two-sided")
+        return np.asarray(pull * law(a, b, (1 + a) / (1 - b), away))
+
+    for (kind, where), law in laws.items():
+        if kind != "unequal coils" or motion.model.isolated.magnet.type == "two-sided":
+            yield Alternative(KINDS[kind], motion, partial(force, law), where)
 
 
 def _of_current(motion: Motion) -> Iterator[Alternative]:
+    own = own_time(motion.model.isolated)
+    for part in LAGS:
+        where = engineering(part * own, "s", 1)
+        yield Alternative(KINDS["lag"], motion, _behind, where, part * own)
+    for part in PLAYS:
+        width = 2 * part * motion.model.isolated.magnet.bias_current
+        yield Alternative(KINDS["hysteresis"], motion, _hysteresis, scale=width)
+
+
+def _behind(of: Motion, lag: float) -> Array:
+    """Return the force by which a lag of the current differs from none."""
     from scipy.signal import lfilter
 
-    i, own = motion.i, own_time(motion.model.isolated)
-    for part in LAGS:
-        keep = math.exp(-motion.step / (part * own))
-        follow, _ = lfilter([1 - keep], [1.0, -keep], i, zi=[keep * i[0]])
-        where = engineering(part * own, "s", 1)
-        yield Alternative(KINDS["lag"], motion.k_i * (follow - i), where, part * own)
-    for part in PLAYS:
-        half = part * motion.model.isolated.magnet.bias_current
-        signal = motion.k_i * (play(i, half) - i)
-        yield Alternative(KINDS["hysteresis"], signal, scale=2 * half)
+    keep = math.exp(-of.step / lag)
+    follow, _ = lfilter([1 - keep], [1.0, -keep], of.i, zi=[keep * of.i[0]])
+    return np.asarray(of.k_i * (follow - of.i))
+
+
+def _hysteresis(of: Motion, width: float) -> Array:
+    """Return the force by which play of the current differs from none."""
+    return of.k_i * (play(of.i, width / 2) - of.i)
 
 
 def play(i: Array, half: float) -> Array:
@@ -226,16 +283,22 @@ def play(i: Array, half: float) -> Array:
 
 
 def _resonances(motion: Motion) -> Iterator[Alternative]:
-    from scipy.signal import lfilter
-
-    b, force = motion.model.isolated, motion.force - motion.force.mean()
-    own, h = own_time(b), motion.step
+    b = motion.model.isolated
+    own = own_time(b)
     top = min(HIGHEST, 2 * math.pi * NYQUIST * own / b.sampling_time)
     for ratio in np.geomspace(LOWEST, top, RESONANCES) if top > LOWEST else ():
-        omega = ratio / own
-        pole = np.exp((-DAMPING + 1j * math.sqrt(1 - DAMPING**2)) * omega * h)
-        denominator = np.poly([pole, pole.conj()]).real
-        follow = lfilter([0.0, denominator.sum()], denominator, force)
-        compliance = b.sensor.gain / (b.rotor.mass * omega**2)
+        omega = float(ratio / own)
         where = engineering(omega / (2 * math.pi), "Hz", 2)
-        yield Alternative(KINDS["resonance"], compliance * follow, where)
+        yield Alternative(KINDS["resonance"], motion, partial(_resonant, omega), where)
+
+
+def _resonant(omega: float, of: Motion, _: float) -> Array:
+    """Return the reading of a mode that the magnet excites."""
+    from scipy.signal import lfilter
+
+    pole = np.exp((-DAMPING + 1j * math.sqrt(1 - DAMPING**2)) * omega * of.step)
+    denominator = np.poly([pole, pole.conj()]).real
+    force = of.force - of.force.mean()
+    follow = lfilter([0.0, denominator.sum()], denominator, force)
+    b = of.model.isolated
+    return np.asarray(b.sensor.gain / (b.rotor.mass * omega**2) * follow)

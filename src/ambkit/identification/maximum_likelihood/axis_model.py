@@ -73,6 +73,12 @@ class AxisModel(LoopModel):
         y[:: self.substeps, self.reading] = (
             record["y"] - self.position_offset - self.offset_error(record["u"])
         )
+        return self.moved(y, u, *self.structures.get(id(record), (0.0, 0.0)))
+
+    def moved(self, y: Array, u: Array, reading: Any, control: Any) -> tuple[Array, Array]:
+        y, u = y.copy(), u.copy()
+        y[:, self.reading] -= reading
+        u[:, self.number] += control
         return y, u
 
     def _inputs(self, own: Array, u: Array) -> Array:

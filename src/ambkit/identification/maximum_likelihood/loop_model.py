@@ -62,6 +62,8 @@ class LoopModel:
     memory: float = 0.0
     #: (float, float) Prior of parameters by name: value and standard deviation [SI].
     known: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    #: (Array, Array) What other structures add to reading [m] and control [V], by id(record).
+    structures: Mapping[int, tuple[Array, Array]] = field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:
         b, weight = self.isolated, self.isolated.rotor.mass * GRAVITY
@@ -178,9 +180,8 @@ class LoopModel:
         out, u, kalman = self.run(record)
         steps = ahead * self.substeps
         fine = kalman.core.forecast(np.ascontiguousarray(out["mean"]), u, steps)[:, self.reading]
-        n = len(record) - ahead
         missed = self.offset_error(record["u"])[ahead:]
-        return np.asarray(fine[:: self.substeps][:n]) + self.position_offset + missed
+        return np.asarray(fine[:: self.substeps][: missed.size]) + self.position_offset + missed
 
     def predict_with(self, record: Record, ahead: int, controls: Array, past: int) -> Array:
         """Predict the measurement some samples ahead, with given controls."""
@@ -245,7 +246,11 @@ class LoopModel:
         u = self._delayed_control(record["u"])
         y = np.full(u.size, np.nan)
         y[:: self.substeps] = record["y"] - self.position_offset - self.offset_error(record["u"])
-        return y, u
+        return self.moved(y, u, *self.structures.get(id(record), (0.0, 0.0)))
+
+    def moved(self, y: Array, u: Array, reading: Any, control: Any) -> tuple[Array, Array]:
+        """Return signals without a part of its reading, and with more of its control."""
+        return y - reading, u + control
 
     def begin(self, kalman: Estimator, y: Array, u: Array) -> tuple[Array, list[float]]:
         """Return mean and standard deviations of a filter at rest at its first measurement [m]."""

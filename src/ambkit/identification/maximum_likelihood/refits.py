@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ambkit.base.errors import ConfigError
 from ambkit.base.units import engineering
@@ -20,12 +20,15 @@ from ambkit.identification.maximum_likelihood.parameters import OFFSETS, Paramet
 from ambkit.identification.maximum_likelihood.search import Optimum, maximise
 from ambkit.machine.force_law import MU_0
 from ambkit.machine.laws import SaturatingLaw
+from ambkit.machine.magnets import own_time
 from ambkit.result.row import Row
 
 FAR_OFFSET = 0.5  #: Share of the clearance above which an offset of the position is implausible.
 USUAL_OFFSET = 0.1  #: Share of the clearance: standard deviation of such offsets.
 FAR_CURRENT = 4.0  #: The same for the current, in standard deviations of its prior.
 FAR_LAG = 2.0  #: Ratio to a described sensor lag above which a lag is implausible.
+FAR_DELAY = 3.0  #: Samples of dead time beyond the described one that may be a lag.
+FORGOTTEN = 6.0  #: Time constants of the plant until the current before a record has no effect.
 LIKELY = 4.0  #: Twice a loss of log likelihood between about equally likely models.
 
 SOFT, FULL = 0.05, 0.5
@@ -118,23 +121,36 @@ class Refits:
         unusual = (self.model.position_offset - self.start.position_offset) / usual
         return self.gain_of_offsets(centred) > unusual**2
 
-    def lag(self) -> Iterator[Departure]:
-        """Yield a current lag that was attributed to the sensor."""
-        # In the loop both are alike, but for the disturbance force: it acts after the one and
-        # before the other. A sensor's lag is known to a factor of two.
-        identified, described = (one.isolated.sensor.lag for one in (self.model, self.start))
-        longer = identified - described
-        names = {p.name for p in self.parameters}
-        slow = longer > max(FAR_LAG * described, self.start.isolated.sampling_time)
-        if not slow or "sensor_lag" not in names or self.model.current_lag > 0:
+    def lag(self) -> Iterator[tuple[Departure, Refits]]:
+        """Yield a current lag that was attributed to sensor or dead time, and the model with it."""
+        # In the loop all are alike, but for the disturbance force, which acts after the current and
+        # before the sensor, and for the gain over the frequency, which a dead time leaves as it is.
+        # A sensor's lag is known to a factor of two.
+        T, model, start = self.start.isolated.sampling_time, self.model, self.start
+        identified, described = (one.isolated.sensor.lag for one in (model, start))
+        longer, later = identified - described, model.delay - start.delay
+        slow = longer > max(FAR_LAG * described, T)
+        late = later > max(FAR_LAG * described, FAR_DELAY * T)
+        if model.current_lag > 0 or not (slow or late):
             return
         swapped = [p for p in self.parameters if p.name != "sensor_lag"] + named(["current_lag"])
-        begin = self.model.replace(sensor__lag=described, current_lag=longer)
-        other = maximise(self.data, begin, swapped)
-        gain = 2 * (other.value - self.value) + math.log2(identified / described) ** 2
-        if gain > -LIKELY:
-            lag = other.model.current_lag
-            yield Departure(KINDS["lag"], engineering(lag, "s", 2), lag, gain, -LIKELY)
+        begin = model.replace(
+            sensor__lag=described,
+            current_lag=longer if slow else later,
+            delay=model.delay if slow else start.delay,
+        )
+        # The current before a record is unknown, which counts against a lag of the current.
+        forgotten = FORGOTTEN * own_time(start.isolated)
+        data = replace(self.data, settling=max(self.data.settling, forgotten))
+        same, other = (
+            maximise(data, at, free)
+            for at, free in ((model, list(self.parameters)), (begin, swapped))
+        )
+        gain = 2 * (other.value - same.value) + math.log2(identified / described) ** 2
+        limit = -LIKELY if slow else math.log(max(same.samples, 1))
+        if gain > limit:
+            lag, refits = other.model.current_lag, Refits(data, start, other.model, swapped)
+            yield Departure(KINDS["lag"], engineering(lag, "s", 2), lag, gain, limit), refits
 
     def saturation(self, centred: Optimum, limit: float) -> Iterator[tuple[Departure, LoopModel]]:
         """Yield a magnet that saturates, and the model with it."""

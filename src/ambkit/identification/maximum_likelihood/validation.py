@@ -90,14 +90,12 @@ class Validation:
 
     @property
     def _objections(self) -> list[str]:
-        past = [PREDICTORS[kind][0] for kind in FROM_THE_PAST if self.better(kind)]
         more = "larger" if self.nis > 1 else "smaller"
         texts = {
             f"The structure of the model is suspect: {self.suspect}.": bool(self.suspect),
             "The model predicts no better than the last measurement held.":
                 self.better("held", 1.0),
             "A filter without a magnet predicts better.": self.better("without_a_magnet"),
-            f"From the past alone, {' and '.join(past)} predicted better.": bool(past),
             f"The initial model was more likely, by {-self.gain:.3f} per sample: the identified "
             "parameters do not hold here.": self.gain < 0,
             "Much of the residuals is predictable: a better model would predict more.":
@@ -111,8 +109,12 @@ class Validation:
     def verdict(self) -> str:
         """Objections to the model, in sentences."""
         # A failed test of whiteness is no objection by itself: in a long record it reveals
-        # insignificant effects.
+        # insignificant effects. Nor is a black box that predicts better: it knows no structure.
+        past = [PREDICTORS[kind][0] for kind in FROM_THE_PAST if self.better(kind)]
         remarks = {
+            f"From the past alone, {' and '.join(past)} predicted better: with more parameters, "
+            "they fit the spectrum of the disturbance force too. This is no objection to the "
+            "structure of the model.": bool(past),
             "The residuals are not white: some motion is unexplained, or the noise is "
             "coloured.": self.residual.share_within < WHITE,
             "The residuals depend on the control signal: force law, delay or lag is incomplete.":
