@@ -102,19 +102,14 @@ _UNIT_AT_END = re.compile(
 LENGTH_AT_END = re.compile(r"[ _/](?:[µunm]m|mils?)$")
 _UNIT_IN_BRACKETS = re.compile(rf"(.*?) ?[\[(] ?({_UNITS}) ?[\])](.*)")
 _SEVERAL = re.compile(r"(\d+)(?:[.,p](\d+))? ?([^\W\d]\D*)")  #: Of a fieldbus: 100ns, 0.1um, 0p1um.
-_IN_WORDS = {"mps": "m/s", "amps": "A", "amp": "A", "amperes": "A", "volts": "V",
+_IN_WORDS = {"mps": "m/s", "amps": "A", "amp": "A", "amperes": "A", "volts": "V", "s": "s",
              "millis": "ms", "micros": "us", "ma": "mA"}  # fmt: skip
 _OF_LETTERS = {"m": "yr", "s": "t", "A": "ui", "V": "u"}  #: Roles that have these units.
 _CYRILLIC = str.maketrans("мксАВ", "mµsAV")
 _ROLES = {"s": "t", "m": "y", "m/s": "v", "A": "i", "V": "u"}
 _USUAL = {"t": "s", "k": "V", "r": "m", "y": "m", "v": "m/s", "i": "A", "u": "V"}
-_ALSO = {
-    ("u", "A"),
-    ("u", "1"),
-    ("y", "V"),
-    ("r", "V"),
-    ("k", "1"),
-}  #: Demanded currents; sensors that were not scaled.
+_ALSO = {("u", "A"), ("u", "1"), ("y", "V"), ("r", "V"), ("k", "1")}
+"""Demanded currents; sensors that were not scaled."""
 _HOLDERS = re.compile(r"values?|data|signals?|\d*|(?:out|in)\d*|yout|logsout|simout")
 """Parts of a name that say nothing, as of a structure that Simulink saves."""
 
@@ -141,8 +136,7 @@ def role_from_name(candidate: Candidate, in_amperes: bool = False) -> None:
         role = "y" if named.weak else "r"  # a displacement u_x, or a demanded position
     kept, as_named = not named.weak and (role, measured) in _ALSO, role
     if role and measured and si_unit(_USUAL[role]) != measured and not kept:
-        role = of_unit if of_unit not in ("", "u") or role not in ("u", "r") else role
-        role = of_unit if not role or (role != "u" and si_unit(_USUAL[role]) != measured) else role
+        role = role if role == "u" and of_unit in ("", "u") else of_unit
     if role:
         candidate.role = role
         other = role != as_named and not named.weak
@@ -170,8 +164,8 @@ def _without_unit(candidate: Candidate, in_amperes: bool) -> str:
             return label
     elif not unit:
         lower = label.lower()  # um may be a measured u
-        is_unit = re.fullmatch(_UNITS, lower) and len(lower) > 1 and not role_of(label).role
-        unit = lower if is_unit or lower in _IN_WORDS else ""
+        is_unit = lower in _IN_WORDS or (re.fullmatch(_UNITS, lower) and not role_of(label).role)
+        unit = lower if is_unit and len(lower) > 1 else ""
     if unit and not candidate.unit:
         candidate.why.append("unit from its name")
     unit = unit.translate(_CYRILLIC).replace("mµ", "µ").replace("_", "/")

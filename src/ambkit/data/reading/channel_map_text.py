@@ -54,9 +54,8 @@ class _Map:
     """A map while it is written."""
 
     def __init__(self, log: Log, assignment: ProposedMap, others: Sequence[ProposedMap]) -> None:
-        self.log, self.channels, self.moves, self.others = (
-            log, assignment.channels, assignment.moves, others,
-        )  # fmt: skip
+        self.log, self.others = log, others
+        self.channels, self.moves = assignment.channels, assignment.moves
         self.chosen = choose(self.channels, self.moves) | from_others(self.channels, others)
         self.everything = [*self.channels, *(c for group in others for c in group.channels)]
         arrays = {c.where.get("array") if len(c.where) > 1 else None for c in self.chosen.values()}

@@ -57,13 +57,8 @@ def find_rotor(results: list[Candidate]) -> Rotor | None:
         if moves is None or (named_so and not moves.fit.sure):
             if moves is not None and y not in (None, channels[moves.position]):
                 with_ = channels[moves.control].label
-                y.rivals.append(
-                    (
-                        channels[moves.position],
-                        f"it moves with {with_} as a levitated "
-                        "rotor does, in two bands of frequency",
-                    )
-                )
+                why = f"it moves with {with_} as a levitated rotor does, in two bands of frequency"
+                y.rivals.append((channels[moves.position], why))
             return None
         _rename(channels, moves, y, control)
     if moves is None or si_unit(channels[moves.position].unit or "m") not in ("m", "V", "1"):

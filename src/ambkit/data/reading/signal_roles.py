@@ -173,8 +173,6 @@ def own_part(c: Candidate, alike: Sequence[Candidate]) -> str:
         id(item): re.sub(r"[\W_]+", " ", re.sub(r"[\[(].*", "", item.label)).lower().strip()
         for item in alike
     }
-    if len({*names.values()}) < 2:
-        return ""
     head, tail = _shared(names.values()), _shared(name[::-1] for name in names.values())
     return names[id(c)][head : len(names[id(c)]) - tail].strip()
 
