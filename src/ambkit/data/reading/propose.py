@@ -31,17 +31,12 @@ def guess(path: str | os.PathLike[str], progress: Callable[[str], object] = lamb
     groups = [group for group in candidates(log) if group]
     if not groups:
         most = max((array.size for array in log.arrays.values()), default=0)
-        what = (
-            f"only {most} sample{'s' * (most != 1)} of"
-            if log.arrays and most < 2
-            else "no channels:"
-        )
+        short = log.arrays and most < 2
+        what = f"only {most} sample{'s' * (most != 1)} of" if short else "no channels:"
         raise RecordError(f"{path}: holds {what} {log.contents}")
     assignments = [ProposedMap(group, find_roles(group)) for group in groups]
     best = max(assignments, key=ProposedMap.score)
-    damage = next(
-        (c.damage for assignment in assignments for c in assignment.channels if c.damage), None
-    )
+    damage = next((c.damage for a in assignments for c in a.channels if c.damage), None)
     if damage and not any(c.role == "t" for c in best.channels):
         raise damage
     if not any(c.role in ("y", "u", "i") and not c.estimated for c in best.channels):
