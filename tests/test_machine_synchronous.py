@@ -16,6 +16,7 @@ from ambkit import (
     Scenario,
     simulate,
 )
+from ambkit.judge.unbalance import unbalance_notes
 from ambkit.judge.whirl_modes import stiffnesses
 from ambkit.machine.accessories import Runout
 from ambkit.models.continuous import continuous
@@ -272,3 +273,20 @@ def test_they_are_exported(tmp_path):
     export_c(machine(), None, tmp_path / "c", kind="linear", prefix="f", synchronous=BOTH)
     assert "equal to the last bit" in printed_by(tmp_path / "c")
     assert "amb_real U1_x;" in (tmp_path / "c" / "f.h").read_text()
+
+
+@pytest.mark.parametrize("synchronous", [(), ("unbalance",)])
+def test_an_inconsistent_filter_is_named_with_and_without_unbalance_states(synchronous):
+    one = Machine.preset("tum_mlps")
+    record = simulate(one, Scenario(duration=0.2)).record
+    quiet = [
+        item.model_copy(update={"noise_variance": 0.01 * item.noise_variance})
+        for item in one.sensors
+    ]
+    runs = {
+        name: ExtendedKalmanFilter(of, synchronous=synchronous).run(record, covariance=True)
+        for name, of in (("right", one), ("overconfident", one.replace(sensor=quiet)))
+    }
+    (note,) = unbalance_notes(one, record, runs)
+    assert note.startswith("overconfident: ")
+    assert ("+unbalance" in note) == (not synchronous)
