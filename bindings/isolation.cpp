@@ -63,6 +63,7 @@ void init_isolation(Isolation *self, const nb::dict &of)
   is.b = self->kept.numbers(of, "b", p * n);
   is.H = self->kept.numbers(of, "H", m * n);
   is.bias = self->kept.numbers(of, "bias", p);
+  is.F_0 = self->kept.numbers(of, "F_0", p);
   is.unit = self->kept.numbers(of, "unit", n);
   is.K = self->kept.or_none(of, "K", m * n);
   is.form = self->kept.numbers(of, "form", static_cast<size_t>(is.forms) * n);
@@ -72,9 +73,9 @@ void init_isolation(Isolation *self, const nb::dict &of)
   is.k_s = self->kept.numbers(of, "k_s", p);
   is.turn = self->kept.numbers(of, "turn", static_cast<size_t>(is.tones) * 2);
   const int signals =
-      1 + (AMB_OF_FORCE + 1) * is.forces + AMB_OF_SENSOR * is.sensors + 2 * is.tones;
-  if (is.forms != is.forces || is.tones > AMB_TONES)
-    throw std::invalid_argument("one form for each force, and at most two tones");
+      1 + (AMB_OF_FORCE + 2) * is.forces + AMB_OF_SENSOR * is.sensors + 2 * is.tones;
+  if (is.forms != 2 * is.forces || is.tones > AMB_TONES)
+    throw std::invalid_argument("two forms for each force, and at most two tones");
   using Fault = std::tuple<int, int, bool, int>;
   for (nb::handle one : nb::cast<nb::list>(of["faults"])) {
     const auto [column, columns, load, group] = nb::cast<Fault>(one);
@@ -88,8 +89,8 @@ void init_isolation(Isolation *self, const nb::dict &of)
   for (nb::handle one : nb::cast<nb::list>(of["terms"])) {
     const auto [column, direction, signal, gradient, weight] = nb::cast<Term>(one);
     if (column < 0 || column >= is.columns || direction < 0 ||
-        direction >= is.forces + is.sensors || signal < 0 || signal >= signals || gradient < 0 ||
-        gradient > is.forces + is.gradients + is.sensors)
+        direction >= 2 * is.forces + is.sensors || signal < 0 || signal >= signals ||
+        gradient < 0 || gradient > is.forces + is.gradients + is.sensors)
       throw std::invalid_argument("a term has a column, direction or signal that is not there");
     if (!self->terms.empty() && column < self->terms.back().column)
       throw std::invalid_argument("terms are in the order of their columns");

@@ -74,6 +74,22 @@ static void put_forces(const amb_isolation *iso, amb_isolation_state *state, con
   }
 }
 
+/* A third of what a larger air gap takes from the force F + F_0, over its relative change: k_s is
+ * about the change of that by s. */
+static amb_real by_gap(const samples *of, int f, amb_real i, amb_real s, amb_real F, amb_real k_s,
+                       amb_real gap)
+{
+  const amb_real all = F + of->iso->F_0[f];
+  amb_real less = (AMB_C(2.0) * all) + (k_s * s);
+  if (amb_magnitude(gap) > AMB_C(1e-3)) {
+    const amb_real ratio = AMB_C(1.0) / amb_at_least(AMB_C(1.0) + gap, AMB_C(0.1));
+    amb_stiffness k;
+    const amb_real wider = amb_step_force(of->kf, of->magnet, f, i, ratio * s, &k);
+    less = (all - (ratio * ratio * (wider + of->iso->F_0[f]))) / gap;
+  }
+  return less / AMB_C(3.0);
+}
+
 void amb_row_signals(const samples *of, const amb_real *row, const apart *by,
                      amb_real signal[AMB_SIGNALS], amb_stiffness k[AMB_FORCES])
 {
@@ -94,7 +110,7 @@ void amb_row_signals(const samples *of, const amb_real *row, const apart *by,
       (void)amb_step_force(of->kf, of->magnet, f, i + (by->half[f] * i), s, &changed);
     }
     to[1] = changed.k_i * i;
-    to[2] = k[f].k_s * s;
+    to[2] = by_gap(of, f, i, s, to[0], k[f].k_s, by->gap[f]);
     to[3] = amb_step_force(of->kf, of->magnet, f, from[2], s, &late) - to[0];
     to[4] = both_coils(iso->bias[f], i, to[0], k[f].k_i);
   }

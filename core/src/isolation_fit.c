@@ -215,6 +215,18 @@ static void size_rest(const amb_isolation *iso, const sweep *w, amb_isolation_re
   }
 }
 
+/* Replay the two faults of the best pair, each by itself. */
+static void replay_members(const window *in, const pair *two, amb_isolation_result result[])
+{
+  for (int k = 0; k < 2; k++) {
+    replay fit = begin_fit(in->data.iso, two->of[k], -1, two->fit.since);
+    amb_replay_fit(&in->data, &fit);
+    if (fit.explains > result[two->of[k]].likelihood) {
+      keep_fit(&fit, &result[two->of[k]]);
+    }
+  }
+}
+
 void amb_fit_pairs(const window *in, int of, amb_isolation_result result[], pairs *list)
 {
   const int since = result[of].since;
@@ -248,12 +260,20 @@ void amb_fit_pairs(const window *in, int of, amb_isolation_result result[], pair
     }
     find_best(list);
     find_onset(in, &list->likely[list->best].fit);
-    const int best = list->likely[list->best].fit.since;
+    const replay *best = &list->likely[list->best].fit;
+    const int at = best->since;
+    const amb_real near = amb_at_least((AMB_C(1.0) - in->data.iso->like) * best->explains,
+                                       result[of].likelihood + in->data.iso->margin);
     for (int k = 0; k < list->count; k++) {
-      if (list->likely[k].fit.since != best) {
-        (void)fit_since(in, best, &list->likely[k].fit);
+      replay *fit = &list->likely[k].fit;
+      if (fit->since != at) {
+        (void)fit_since(in, at, fit);
+      }
+      if (fit->explains > near) {
+        find_onset(in, fit);
       }
     }
     find_best(list);
+    replay_members(in, &list->likely[list->best], result);
   }
 }

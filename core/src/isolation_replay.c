@@ -206,12 +206,13 @@ static void find_terms(const amb_isolation *iso, const replay *of, motion *now)
   }
 }
 
-/* Set the changes of the currents, and the states of the lags: where a lag grows, its reading goes
- * on from the last one. */
+/* Set the changes of currents and gaps, the states of the lags, and what acts in the first sample
+ * only. Where a lag grows, its reading goes on from the last one. */
 static void begin_motion(const samples *in, const replay *of, const amb_real size[], motion *now)
 {
   const amb_isolation *iso = in->iso;
-  const amb_real *last = row_of(in, of->since) + (ROW_OF_FORCE * iso->forces);
+  const amb_real *row = row_of(in, of->since);
+  const amb_real *last = row + (ROW_OF_FORCE * iso->forces);
   for (int p = 0; p <= MOST_COLUMNS; p++) {
     amb_clear(AMB_STATES, now->d[p]);
   }
@@ -221,13 +222,28 @@ static void begin_motion(const samples *in, const replay *of, const amb_real siz
     now->lagged[r][0] = -last[(AMB_OF_SENSOR * r) + 1];
   }
   amb_clear(AMB_SENSORS, now->residual);
+  amb_clear(AMB_FORCES, now->by.s);
   amb_clear(AMB_FORCES, now->by.half);
+  amb_clear(AMB_FORCES, now->by.gap);
   for (int j = 0; j < of->columns; j++) {
     for (int k = now->first[j]; k < now->after[j]; k++) {
       const amb_fault_term *term = &iso->term[k];
       const int f = ((int)term->signal - 1) / AMB_OF_FORCE;
+      const amb_real change = term->weight * size[j];
       if ((f < iso->forces) && ((int)term->signal == (2 + (AMB_OF_FORCE * f)))) {
-        now->by.half[f] += AMB_C(0.5) * term->weight * size[j];
+        now->by.half[f] += AMB_C(0.5) * change;
+      }
+      if ((f < iso->forces) && ((int)term->signal == (3 + (AMB_OF_FORCE * f)))) {
+        now->by.gap[f] -= change / AMB_C(3.0);
+      }
+    }
+  }
+  amb_row_signals(in, row, &now->by, now->signal, now->k);
+  for (int f = 0; f < iso->forces; f++) {
+    act(iso, iso->forces + iso->sensors + f, of, size, now);
+    for (int p = 0; p <= of->columns; p++) {
+      for (int i = 0; i < iso->states; i++) {
+        now->d[p][i] += iso->b[(f * iso->states) + i] * now->rho[p];
       }
     }
   }
@@ -295,5 +311,8 @@ void amb_replay_fit(const samples *in, replay *of)
     for (int j = 0; j < of->columns; j++) {
       trial[j] = of->size[j] + step[j];
     }
+  }
+  if (!worth) { /* the last step explains hardly more, but improves the sizes */
+    amb_copy(of->columns, trial, of->size);
   }
 }

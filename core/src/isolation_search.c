@@ -124,7 +124,7 @@ static bool needs_two(const window *in, const amb_isolation_result result[], con
     least = amb_at_least(least, AMB_C(3.0) * amb_fit_missed(in, &two->fit, scale));
     for (int k = 0; k < 2; k++) {
       const bool alike = amb_fit_alike(iso, j, two->of[k]);
-      least = alike ? amb_at_least(least, AMB_C(2.0) * iso->alike * adds(two, k, result)) : least;
+      least = alike ? amb_at_least(least, iso->alike * adds(two, k, result)) : least;
     }
     needed = needed && ((two->fit.explains - result[j].likelihood) >= least);
   }

@@ -200,7 +200,7 @@ amb_real amb_sweep_eliminate_start(const amb_isolation *iso, sweep *w)
 
 void amb_sweep_back(const samples *of, int ago, sweep *w)
 {
-  static const apart none = {{0}, {0}};
+  static const apart none = {{0}, {0}, {0}};
   const amb_real *row = row_of(of, ago);
   amb_real signal[AMB_SIGNALS];
   amb_stiffness k[AMB_FORCES];

@@ -66,6 +66,8 @@ typedef struct apart {
   amb_real s[AMB_FORCES];    /* displacement of the rotor from the estimated one [m] */
   amb_real half[AMB_FORCES]; /* half the relative change of the current by a faulty amplifier [1]:
                                 F(i + di) = F(i) + k_i(i + di / 2) di where F is a square of i */
+  amb_real gap[AMB_FORCES];  /* relative change of the air gap [1]: forces depend on i and s over
+                                the gap, so F(i, s) becomes F(i, s / (1 + gap)) / (1 + gap)^2 */
 } apart;
 
 /* Signals of a row, and the stiffnesses at its displacements. */

@@ -52,13 +52,15 @@
 
 AMB_EXTERN_C_BEGIN
 
-/* Signals, one after the other: 1; of each force AMB_OF_FORCE, of each sensor AMB_OF_SENSOR; forms
- * of the mean; cosine and sine of each tone. */
-#define AMB_OF_FORCE 5  /* F; k_i i; k_s s; F by a late i, less F; half the sum of both coils */
-#define AMB_OF_SENSOR 2 /* predicted reading; the same with more lag, less itself [m] */
-#define AMB_TONES 2     /* at most */
+/* Signals, one after the other: 1; of each force: F less F_0, k_i i, a third of what a larger gap
+ * takes from F over its relative change, F by a late i less F, half the sum of both coils; of each
+ * sensor: predicted reading, the same with more lag less itself [m]; forms of the mean; cosine and
+ * sine of each tone. */
+#define AMB_OF_FORCE 5
+#define AMB_OF_SENSOR 2
+#define AMB_TONES 2 /* at most */
 #define AMB_SIGNALS                                                                                \
-  (1 + ((AMB_OF_FORCE + 1) * AMB_FORCES) + (AMB_OF_SENSOR * AMB_SENSORS) + (2 * AMB_TONES))
+  (1 + ((AMB_OF_FORCE + 2) * AMB_FORCES) + (AMB_OF_SENSOR * AMB_SENSORS) + (2 * AMB_TONES))
 
 /* Blocks of a quarter of the window that are too recent for the roughness: those that a search
  * sees, and the one that is filled. */
@@ -69,7 +71,7 @@ AMB_EXTERN_C_BEGIN
 
 typedef struct amb_fault_term {
   unsigned short column;
-  unsigned short direction; /* forces, then sensors */
+  unsigned short direction; /* forces, sensors, then forces that act in the first sample only */
   unsigned short signal;
   unsigned short gradient; /* how it depends on the filter's error: 0: not; from 1 on: by the
                               displacement of a force, then rows of `gradient`, then readings with
@@ -106,6 +108,7 @@ typedef struct amb_isolation {
   const amb_real *b;    /* forces x states, by 1 N */
   const amb_real *H;    /* sensors x states */
   const amb_real *bias; /* [forces] bias currents [A] */
+  const amb_real *F_0;  /* [forces]: of the magnet without control, in the centre [N] */
   const amb_real *unit; /* [states] those of the filter in one of these */
   const amb_real *K;    /* sensors x states, a constant gain; NULL: by the covariance */
   const amb_real *form; /* forms x states */

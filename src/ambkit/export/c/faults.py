@@ -24,7 +24,7 @@ _COUNTS = (
 _REALS = ("limit", "margin", "like", "fine", "alike")
 _FAULT = ("column", "columns", "load", "group")
 _TERM = ("column", "direction", "signal", "gradient", "weight")
-_ARRAYS = ("A", "b", "H", "bias", "unit", "K", "form", "h", "k_s", "gradient", "lag", "turn")
+_ARRAYS = ("A", "b", "H", "bias", "F_0", "unit", "K", "form", "h", "k_s", "gradient", "lag", "turn")
 
 
 def context(export: Export) -> dict[str, Any]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -19,6 +20,12 @@ from ambkit.result.row import Row, Section, put
 FEW = 4  #: Curves of a picture.
 LISTED = 6  #: Faults in the table of a terminal, besides those that are named or possible.
 LEAST = 1.0  #: Likelihood ratio at its lower edge.
+LAWS: dict[str, Callable[[float], float]] = {
+    "mass": lambda s: s / (1 - s),
+    "clock": lambda s: math.sqrt(max(1 + 2 * s, 0.0)) - 1,
+}
+"""Sizes by those of the signatures, which are shares of accelerations: 1 - m_0 / m, and half of
+(T / T_0)^2 - 1."""
 ROUGH = 2.0  #: Variance of slow innovations, over the stated one, that is remarked on.
 
 
@@ -102,8 +109,8 @@ class Diagnosis(Result):
         size = float(np.linalg.norm(s.size[at, j])) if len(signature.columns) > 1 else None
         size = float(s.size[at, j, 0]) if size is None else size
         error = float(s.std[at, j].max())
-        if signature.name == "mass":  # its signature is a share of the acceleration, 1 - m_0 / m
-            size, error = size / (1 - size), error / (1 - size) ** 2
+        law = LAWS.get(signature.name, float)
+        size, error = law(size), abs(law(size + error) - law(size - error)) / 2
         raised = k is not None and s.likelihood[at, j] >= self.limit
         group = int(s.instead[at, j])  # of faults that cannot be told apart
         shared = group >= 0 and np.count_nonzero(s.instead[at] == group) > 1

@@ -23,6 +23,7 @@ from ambkit.judge.isolation.signatures import (
     tones_of,
 )
 from ambkit.judge.load_following import operating_point
+from ambkit.machine.axes import bias_forces
 from ambkit.machine.machine import Machine
 
 WINDOW = 0.08  #: Length of the window [s].
@@ -130,7 +131,8 @@ class FaultIsolation:
         tones = np.array(tones_of(kalman.view)) * kalman.machine.sampling_time
         columns = [column for signature in self.signatures for column in signature.columns]
         first = np.cumsum([0, *(len(signature.columns) for signature in self.signatures)])
-        places, form, lags = Places(kalman.view), kalman.model.r, lags_of(kalman.machine)
+        places, lags = Places(kalman.view), lags_of(kalman.machine)
+        form = np.vstack([kalman.model.r, _momenta(kalman)])
         return {
             "states": len(A), "forces": len(b), "sensors": len(H), "columns": len(columns),
             "tones": len(tones), "forms": len(form), "window": self.window, "spare": self.every,
@@ -141,6 +143,7 @@ class FaultIsolation:
             "h": (kalman.model.h * units).ravel().tolist(),
             "k_s": np.atleast_1d(_tangents(kalman)[1]).tolist(),
             "bias": [of.magnet.bias_current or 0.0 for of in kalman.view.isolated],
+            "F_0": bias_forces(kalman.magnet, kalman.machine),
             "unit": units.tolist(), "K": None if K is None else K.ravel().tolist(),
             "form": form.ravel().tolist(),
             "lag": [share for lag in lags for share in _lag(lag / kalman.machine.sampling_time)],
@@ -211,6 +214,13 @@ class FaultIsolation:
 def _tangents(kalman: Any) -> Any:
     """Return the tangents of the magnets at the operating point."""
     return tangents_known(kalman.magnet, "tangent", operating_point(kalman.machine))
+
+
+def _momenta(kalman: Any) -> Array:
+    """Return the forces that give the rotor its velocity within a sample, by the state."""
+    moving = np.array([float(state.role == "velocity") for state in kalman.states])
+    E = kalman.linear_model(*_tangents(kalman)).E
+    return np.asarray(np.linalg.pinv(E * moving[:, None]) * moving, float)
 
 
 def _lag(samples: float) -> tuple[float, float]:

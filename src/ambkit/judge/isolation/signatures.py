@@ -19,7 +19,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of, own_time
 
 OF_FORCE, OF_SENSOR = 5, 2  #: Signals of each, AMB_OF_FORCE and AMB_OF_SENSOR.
-FORCE, BY_CURRENT, BY_PLACE, LATE, COILS = range(OF_FORCE)
+FORCE, BY_CURRENT, BY_GAP, LATE, COILS = range(OF_FORCE)
 READING, LAGGED = range(OF_SENSOR)
 LATE_BY, LAG_BY = 3, 5
 """Samples by which control and reading are late whose signatures are tested: the derivative by a
@@ -58,7 +58,7 @@ class Places:
         self.forces, self.sensors = len(self.machine.axes), len(self.machine.readings)
         self._readings = 1 + OF_FORCE * self.forces
         self._forms = self._readings + OF_SENSOR * self.sensors
-        self._tones = self._forms + self.forces
+        self._tones = self._forms + 2 * self.forces
 
     def of_force(self, f: int, what: int) -> int:
         """Signal of a force."""
@@ -72,7 +72,7 @@ class Places:
         """Return the gradient of a signal, from 1 on; 0: it does not depend on the error."""
         if 0 < at < self._readings:
             f, what = divmod(at - 1, OF_FORCE)
-            return f + 1 if what in (FORCE, BY_PLACE) else 0
+            return f + 1 if what in (FORCE, BY_GAP) else 0
         if self._readings <= at < self._forms:
             r, what = divmod(at - self._readings, OF_SENSOR)
             past = 0 if what == READING else self.sensors + self.forces
@@ -83,6 +83,14 @@ class Places:
     def load(self, f: int) -> int:
         """Estimated disturbance force along an axis."""
         return self._forms + f
+
+    def momentum(self, f: int) -> int:
+        """Force along an axis that gives the rotor its velocity within a sample."""
+        return self._forms + self.forces + f
+
+    def at_onset(self, f: int) -> int:
+        """Direction of a force that acts in the first sample only."""
+        return self.forces + self.sensors + f
 
     def tone(self, k: int) -> tuple[int, int]:
         """Cosine and sine of a tone."""
@@ -115,7 +123,7 @@ def signatures_of(view: View, magnet: Any) -> list[Signature]:
 
 
 def _of_axis(places: Places, f: int, axis: Any, of: Machine) -> Iterator[Signature]:
-    force, current, place, late, coils = (places.of_force(f, k) for k in range(OF_FORCE))
+    force, current, gap, late, coils = (places.of_force(f, k) for k in range(OF_FORCE))
     law = magnet_of(of)
     k_i, bias = float(law.tangent(0.0, 0.0)[0]), float(law.bias_force)
     most = abs(k_i) * of.current_max
@@ -132,8 +140,7 @@ def _of_axis(places: Places, f: int, axis: Any, of: Machine) -> Iterator[Signatu
         yield fault("upper coil", "coil towards +x", "1", 1.0, (force, 0.5), (coils, 1.0))
         yield fault("lower coil", "coil towards -x", "1", 1.0, (force, 0.5), (coils, -1.0))
     yield fault("amplifier", "gain of the amplifier", "1", 1.0, (current, 1.0))
-    of_gap = ((force, -2.0), (0, -2 * bias), (place, -1.0))
-    yield fault("gap", "air gap", "1", 1.0, *of_gap, group=DYNAMICS)
+    yield fault("gap", "air gap", "1", 1.0, (gap, -3.0), group=DYNAMICS)
     delay = (late, 1 / LATE_BY)
     yield fault("dead time", "delay of the control", "samples", 10.0, delay, group=LATENCY)
 
@@ -170,6 +177,8 @@ def _in_motion(places: Places, view: View, magnet: Any) -> Iterator[Signature]:
     mass = tuple(term._replace(weight=-term.weight) for term in magnets)
     yield Signature("mass", "mass of the rotor", "1", (mass,), 1.0, group=DYNAMICS)
     clock = tuple(term._replace(weight=2 * term.weight) for term in [*magnets, *weights])
+    # A clock that changes in motion also changes the velocity per sample.
+    clock += tuple(Term(places.at_onset(f), places.momentum(f), 1.0) for f in range(len(biases)))
     for r, lag in enumerate(lags_of(places.machine)):  # which has fewer samples
         less = places.machine.lag_of(places.machine.readings[r].sensor) / lag
         clock += (Term(places.forces + r, places.of_reading(r, LAGGED), -less),)
