@@ -79,13 +79,13 @@ static void put_forces(const amb_isolation *iso, amb_isolation_state *state, con
 static amb_real by_gap(const samples *of, int f, amb_real i, amb_real s, amb_real F, amb_real k_s,
                        amb_real gap)
 {
-  const amb_real all = F + of->iso->F_0[f];
-  amb_real less = (AMB_C(2.0) * all) + (k_s * s);
+  const amb_real sum = F + of->iso->F_0[f];
+  amb_real less = (AMB_C(2.0) * sum) + (k_s * s);
   if (amb_magnitude(gap) > AMB_C(1e-3)) {
     const amb_real ratio = AMB_C(1.0) / amb_at_least(AMB_C(1.0) + gap, AMB_C(0.1));
     amb_stiffness k;
     const amb_real wider = amb_step_force(of->kf, of->magnet, f, i, ratio * s, &k);
-    less = (all - (ratio * ratio * (wider + of->iso->F_0[f]))) / gap;
+    less = (sum - (ratio * ratio * (wider + of->iso->F_0[f]))) / gap;
   }
   return less / AMB_C(3.0);
 }
