@@ -55,7 +55,7 @@ class Departure:
     @property
     def text(self) -> str:
         """Description and advice, in a sentence."""
-        size = Row("size", "size", self.size, self.kind.unit, 2).text()
+        size = self.rows()[0].text()
         sentence = self.kind.statement.format(size=size, where=self.where)
         return f"{sentence}: {self.kind.advice}." if self.kind.advice else f"{sentence}."
 

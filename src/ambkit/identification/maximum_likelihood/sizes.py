@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from ambkit.base.arrays import Array
+from ambkit.base.errors import AmbkitError
 from ambkit.identification.maximum_likelihood.alternatives import Alternative, Motion
 from ambkit.identification.maximum_likelihood.likelihood import Data, between_blocks
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
@@ -38,8 +40,10 @@ def refined(
     variances = np.zeros(len(chosen))
     for _ in range(REFITS):
         resized, sizes = _resized(chosen, factors + step)
-        optimum = maximise(data, _with_structures(model, data, resized, sizes), parameters)
-        if not optimum.value > value:
+        optimum = None
+        with suppress(AmbkitError):  # of a size that no filter can follow
+            optimum = maximise(data, _with_structures(model, data, resized, sizes), parameters)
+        if optimum is None or not optimum.value > value:
             step = SHORTER * step
             continue
         model, value, factors = optimum.model, optimum.value, sizes
