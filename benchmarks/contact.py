@@ -30,8 +30,8 @@ from ambkit.estimate.machine_model import View
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.comparison import raw_error
 from ambkit.judge.comparison.criteria import errors_along, nees, true_signal
-from ambkit.judge.load_following import load_capacity
 from ambkit.machine.accessories import Stop
+from ambkit.machine.axes import load_capacity
 from ambkit.machine.magnets import magnet_of
 from benchmarks.defaults import random_machine
 from benchmarks.sensors import drawn

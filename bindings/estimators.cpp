@@ -135,7 +135,7 @@ struct Contact : Estimator {
   amb_contact own{};
   Contact(nb::object magnet, nb::object model, const Places &first, const Places &second,
           const Matrix &numbers, const Matrix &displacement, const Matrix &velocity,
-          const Vector &bias, amb_real scatter, nb::kwargs settings)
+          const Matrix &later, const Vector &bias, int parts, amb_real scatter, nb::kwargs settings)
       : Estimator(amb_contact_methods, magnet, model, settings)
   {
     const size_t rings = first.size();
@@ -153,6 +153,8 @@ struct Contact : Estimator {
     }
     rows(own.displacement, displacement, "displacement");
     rows(own.velocity, velocity, "velocity");
+    rows(own.later, later, "later");
+    own.parts = parts;
     own.scatter_squared = scatter * scatter;
     fill(own.bias, bias, sizes().forces, "bias");
     estimator.own = &own;
@@ -168,6 +170,8 @@ struct Contact : Estimator {
       d[name] = copied(own.*member, of.forces);
     d["displacement"] = of_axes(own.displacement);
     d["velocity"] = of_axes(own.velocity);
+    d["later"] = of_axes(own.later);
+    d["parts"] = own.parts;
     d["scatter_squared"] = own.scatter_squared;
     d["bias"] = copied(own.bias, of.forces);
     return d;
@@ -333,14 +337,14 @@ void bind_estimators(nb::module_ &m)
                    "curvature: float, **settings: Any) -> None"));
   nb::class_<Contact, Estimator>(m, "Contact", "Extended filter with stops (ambkit/contact.h).")
       .def(nb::init<nb::object, nb::object, const Places &, const Places &, const Matrix &,
-                    const Matrix &, const Matrix &, const Vector &, amb_real, nb::kwargs>(),
+                    const Matrix &, const Matrix &, const Matrix &, const Vector &, int, amb_real,
+                    nb::kwargs>(),
            nb::arg("magnet"), nb::arg("model"), nb::arg("first"), nb::arg("second"),
-           nb::arg("numbers"), nb::arg("displacement"), nb::arg("velocity"), nb::arg("bias"),
-           nb::arg("scatter"), nb::arg("settings"),
-           nb::sig(
-               "def __init__(self, magnet: Magnet | list[Magnet], model: Model, first: Any, "
-               "second: Any, numbers: Any, displacement: Any, velocity: Any, bias: Any, scatter: "
-               "float, **settings: Any) -> None"))
+           nb::arg("numbers"), nb::arg("displacement"), nb::arg("velocity"), nb::arg("later"),
+           nb::arg("bias"), nb::arg("parts"), nb::arg("scatter"), nb::arg("settings"),
+           nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, first: Any, "
+                   "second: Any, numbers: Any, displacement: Any, velocity: Any, later: Any, bias: "
+                   "Any, scatter: float, **settings: Any) -> None"))
       .def("run", &run_supplied, nb::arg("y"), nb::arg("u"), nb::kw_only(),
            nb::arg("covariance") = false, nb::arg("instructions") = nb::none(),
            nb::arg("on") = nb::none(),

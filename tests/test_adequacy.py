@@ -16,7 +16,8 @@ from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge import adequacy_criteria
 from ambkit.judge.adequacy import judge_adequacy, sentences
-from ambkit.judge.load_following import least_process_noise, load_capacity
+from ambkit.judge.load_following import least_process_noise
+from ambkit.machine.axes import load_capacity
 from ambkit.machine.magnets import ConstantStiffness, magnet_of
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Step

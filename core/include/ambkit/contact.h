@@ -36,6 +36,16 @@
  * A sample resolves stiffnesses up to 3 mass / T^2: a steeper force continues along its tangent.
  * Damping is limited to mass / T.
  *
+ * Where a contact lasts fewer samples than a few, the motion along the normal is integrated in
+ * AMB_CONTACT_PARTS of a sample, in each as above. It gives the mean N of the force over the sample
+ * and its lateness, the mean of 4 N (t / T - 1/2), to which the states respond by `later`. Both
+ * come from three points instead of tangents. Displacement and velocity at the start of the sample
+ * are there (-sqrt 2, 0) and (sqrt 1/2, +-sqrt 3/2) standard deviations towards the stop, each with
+ * weight 1/3: the mean and covariance of the estimate, with the skewness of a rotor that bounces,
+ * whose distribution has its tail away from the stop. The slopes of the plane through the points
+ * replace w (statistical linear regression, Lefebvre et al. 2002). Contact is flagged if two of the
+ * points touch.
+ *
  * While the magnets have no current (amb_contact_deenergise), their forces and stiffnesses are 0.
  */
 #ifndef AMBKIT_CONTACT_H
@@ -44,6 +54,8 @@
 #include "ambkit/estimator.h"
 
 AMB_EXTERN_C_BEGIN
+
+#define AMB_CONTACT_PARTS 8 /* of a sample, where contacts are short */
 
 typedef struct amb_contact {
   int rings;                         /* 0 to AMB_FORCES */
@@ -58,6 +70,9 @@ typedef struct amb_contact {
   amb_real mobility[AMB_FORCES];     /* T / (2 mass) [m/s/N], > 0 */
   amb_real displacement[AMB_FORCES][AMB_STATES]; /* h of each axis: mean over the sample ... */
   amb_real velocity[AMB_FORCES][AMB_STATES];     /* ... and h', its rate, by the states */
+  amb_real later[AMB_FORCES][AMB_STATES]; /* response to a force of -1 N in the first half of a
+                                             sample and 1 N in the second */
+  int parts;                              /* 1: contacts are resolved; or AMB_CONTACT_PARTS */
   amb_real scatter_squared;  /* variance of the contact force relative to N^2 [1], >= 0 */
   amb_real bias[AMB_FORCES]; /* bias forces of the magnets, part of f_0 in the settings [N] */
 } amb_contact;

@@ -8,14 +8,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.data.record import Record
 from ambkit.data.signals import ON
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimator import Arguments, Estimator
-from ambkit.machine.axes import ideal_laws
+from ambkit.machine.axes import ideal_laws, isolated_axes, load_capacity
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
+
+RESOLVED = 4.5  #: Samples that a contact lasts at least where its force is held over each.
+PARTS = 8  #: Of a sample, where contacts are shorter.
+
+
+def samples_of_contact(machine: Machine) -> list[float]:
+    """Return how long a contact under load capacity lasts on each axis [samples]."""
+    # Half a period; infinity without a stop.
+    results = []
+    for axis, isolated, load in zip(
+        machine.axes, isolated_axes(machine), load_capacity(machine), strict=True
+    ):
+        stop = axis.bearing.stop
+        k = 0.0 if stop is None else 1.5 * stop.stiffness ** (2 / 3) * load ** (1 / 3)
+        period = math.sqrt(isolated.rotor.mass / k) if k else math.inf
+        results.append(math.pi * period / machine.sampling_time)
+    return results
 
 
 class ContactKalmanFilter(Estimator):
@@ -86,9 +104,17 @@ class ContactKalmanFilter(Estimator):
         bias = self.view.known_forces(self.magnet, weight=False)
         numbers, *rows = (
             np.ascontiguousarray(one, dtype)
-            for one in (table[2:], displacement, velocity + loads, bias)
+            for one in (table[2:], displacement, velocity + loads, self._later(engine), bias)
         )
-        return (first, second, numbers, *rows, self._scatter), {}
+        parts = 1 if min(samples_of_contact(self.machine)) >= RESOLVED else PARTS
+        return (first, second, numbers, *rows, parts, self._scatter), {}
+
+    def _later(self, engine: Engine) -> Array:
+        """Return responses to -1 N in the first half of a sample and 1 N in the second (p, n)."""
+        half = engine.model_over(self.machine.sampling_time / 2)
+        names = [state.name for state in half.states]
+        here = [names.index(state.name) for state in engine.states]
+        return (half.b - half.L @ half.b)[here].T
 
     def _supply(self, record: Record) -> dict[str, Any]:
         return {"on": np.ascontiguousarray(record[ON], self.precision)} if ON in record else {}

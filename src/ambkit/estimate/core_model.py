@@ -194,6 +194,11 @@ class Engine:
         model = sampled(_plan(self.machine, *self._made_of), "machine")
         return printed(model) if self.as_printed else model
 
+    def model_over(self, time: float) -> Model:
+        """Return the model over another time [s]."""
+        machine = self.machine.model_copy(update={"sampling_time": time})
+        return sampled(_plan(machine, *self._made_of), "machine")
+
 
 @lru_cache(maxsize=8)
 def _plan(

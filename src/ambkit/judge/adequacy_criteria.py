@@ -16,18 +16,11 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.machine_model import View
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.judge.load_following import (
-    LONGEST,
-    STEP,
-    following,
-    load_capacity,
-    operating_point,
-    settling,
-)
+from ambkit.judge.load_following import LONGEST, STEP, following, operating_point, settling
 from ambkit.judge.loop.loop_builder import ZONES, LoopBuilder, zone_of
 from ambkit.judge.loop.margins import grid
 from ambkit.judge.modal_reduction import reduction
-from ambkit.machine.axes import isolated_axes, weights_of
+from ambkit.machine.axes import isolated_axes, load_capacity, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
 from ambkit.machine.parts import GRAVITY

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -11,14 +10,12 @@ from ambkit.base.arrays import Bools
 from ambkit.base.units import percent
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
+from ambkit.estimate.contact import RESOLVED, samples_of_contact
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.machine_model import View
 from ambkit.estimate.registry import KINDS
-from ambkit.judge.load_following import load_capacity
-from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
 
-BRIEF = 4.5  #: Samples of a contact below which the filter was not consistent on every machine.
 LIES = 0.01  #: Share of the samples on a stop that is worth a sentence.
 
 
@@ -48,16 +45,12 @@ def stop_notes(machine: Machine, filter: str) -> Iterator[str]:
             f"no bearing of {machine.name} has a stop, so contact is the extended filter: state "
             f"stiffness and damping of the touch-down bearing in {table}"
         )
-    loads = zip(machine.axes, isolated_axes(machine), load_capacity(machine), strict=True)
-    for axis, isolated, load in loads:
-        if (stop := axis.bearing.stop) is not None:
-            k = 1.5 * stop.stiffness ** (2 / 3) * load ** (1 / 3)
-            samples = math.pi * math.sqrt(isolated.rotor.mass / k) / machine.sampling_time
-            if samples < BRIEF:
-                yield (
-                    f"{axis.name or machine.name}: a contact lasts {samples:.1f} samples under the "
-                    f"load capacity of the bearing, {BRIEF:g} are needed for a consistent estimate"
-                )
+    for axis, samples in zip(machine.axes, samples_of_contact(machine), strict=True):
+        if samples < RESOLVED:
+            yield (
+                f"{axis.name or machine.name}: a contact lasts {samples:.1f} samples under the "
+                f"load capacity of the bearing, {RESOLVED:g} are needed for a consistent estimate"
+            )
 
 
 def contact_notes(
@@ -65,16 +58,17 @@ def contact_notes(
 ) -> Iterator[str]:
     """Yield which filters do not know the force of a stop, by their names."""
     known = any(bearing.stop is not None for bearing in machine.bearings)
-    knows = [name for name, one in estimates.items() if KINDS["contact"].label in one.estimator]
-    for note in stop_notes(machine, KINDS["contact"].label) if knows else ():
-        yield f"{', '.join(knows)}: {note}"
+    contact = [name for name, one in estimates.items() if KINDS["contact"].label in one.estimator]
+    for note in stop_notes(machine, KINDS["contact"].label) if contact else ():
+        yield f"{', '.join(contact)}: {note}"
     table = "[stop]" if machine.single else "[bearing.stop]"
     share = float(np.mean(on_stop(machine, record)))
-    others = ", ".join(name for name in estimates if name not in knows)
+    others = ", ".join(name for name in estimates if not known or name not in contact)
     if share > LIES and others:
         stated = "" if known else f", once {table} states its stiffness"
         yield (
             f"{others}: the rotor lies on a stop in {percent(share)} of the samples, and the force "
-            "of the stop is taken for a disturbance force there; the filter contact knows it"
+            "of the stop is taken for a disturbance force there, which can make the estimate worse "
+            "than the sensor; the filter contact knows it"
             f"{stated}"
         )

@@ -15,9 +15,8 @@ from ambkit.control.linear.steady_state_filter import settled_gain, tangents_kno
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.machine.axes import isolated_axes, weights_of
-from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import magnet_of, own_time
+from ambkit.machine.axes import isolated_axes, load_capacity
+from ambkit.machine.magnets import own_time
 
 STEP = 0.5  #: Step of the disturbance force, over the load capacity.
 
@@ -33,16 +32,6 @@ FOLLOWING = (
     "sqrt(m/k_s)"
 )
 """Origin of a process noise intensity that the records bound from above only."""
-
-
-def load_capacity(plant: Machine) -> list[float]:
-    """Return the disturbance [N] that each axis can hold at x = 0, in either direction."""
-    results = []
-    for b, weight in zip(isolated_axes(plant), weights_of(plant), strict=True):
-        law = magnet_of(b)
-        ends = (b.current_min, b.current_max)
-        results.append(min(abs(float(law.force(end, 0.0)) + weight) for end in ends))
-    return results
 
 
 class Following(NamedTuple):

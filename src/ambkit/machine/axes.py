@@ -85,6 +85,16 @@ def weights_of(of: Machine) -> list[float]:
     return [-float(f) for f in geometry.supporting_forces(of.rotor, of.axes, GRAVITY)]
 
 
+def load_capacity(plant: Machine) -> list[float]:
+    """Return the disturbance [N] that each axis can hold at x = 0, in either direction."""
+    results = []
+    for b, weight in zip(isolated_axes(plant), weights_of(plant), strict=True):
+        law = magnet_of(b)
+        ends = (b.current_min, b.current_max)
+        results.append(min(abs(float(law.force(end, 0.0)) + weight) for end in ends))
+    return results
+
+
 ALIGNED = math.cos(math.radians(1))
 """Cosine of the angle between an axis and a reading that still shows it."""
 

@@ -27,9 +27,9 @@ from ambkit.judge.comparison.cases import CASES, load_case, trials
 from ambkit.judge.comparison.comparison import bench
 from ambkit.judge.comparison.criteria import SETTLING
 from ambkit.judge.comparison.tuning import SIGNALS, Candidate, errors
-from ambkit.judge.load_following import STEP, load_capacity
+from ambkit.judge.load_following import STEP
 from ambkit.judge.loop.loop_builder import InfeasibleError
-from ambkit.machine.axes import slowest_time
+from ambkit.machine.axes import load_capacity, slowest_time
 from ambkit.machine.machine import Machine
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.tune import Tuned, tune
