@@ -29,9 +29,7 @@ from ambkit.result.result import Document
 from ambkit.simulation.scenario import Scenario, by_axis
 
 STUDIED = 2  #: Simulated runs on which the default filter of a machine is judged.
-
-#: Short names of the kinds of TOML file other than machines.
-SHORT = {"map": "channel map", "force": "channels of a force map"}
+SHORT = {"map": "channel map", "force": "channels of a force map"}  #: Short names of kinds.
 
 
 def load(
