@@ -207,8 +207,8 @@ def test_assess_knows_the_limit_of_a_large_unbalance():
         filter = KalmanFilter(one, synchronous=["unbalance"])
         for unbalance in ("off", "force-free"):
             of = LoopBuilder(one, Control(unbalance=unbalance))
-            (turned,) = of.turned(of.loop(filter))
-            orbits.append(np.abs(turned.i).max() / factor)
+            (response,) = of.harmonic_responses(of.loop(filter))
+            orbits.append(np.abs(response.i).max() / factor)
     plain, free, same, limited = orbits
     assert free < 0.2 * plain
     assert same == pytest.approx(plain, rel=1e-6)

@@ -106,8 +106,7 @@ def filtered(
     if any(item.sentence for of in adequacy.values() for item in of if item.name == "mean NIS"):
         remarks.append("Are units, signs and machine those of this record?")
     estimates = {name: one.evaluation.estimate for name, one in result.estimators.items()}
-    remarks += [*angle_notes(plant, log, estimates), *unbalance_notes(plant, log, estimates)]
-    remarks += [*_warnings(result, len(log), estimates)]
+    remarks += [*angle_notes(plant, log, estimates), *_warnings(result, len(log), estimates)]
     source = str(record) if isinstance(record, str | os.PathLike) else ""
     return replace(result, source=source, adequacy=adequacy, remarks=remarks)
 
@@ -263,6 +262,7 @@ def _warnings(result: Filtering, samples: int, estimates: Mapping[str, Estimate]
             f"the control signal is missing in {lost} of {len(result.record)} samples, at most "
             f"{in_a_row} in a row: the filters hold the last one, and are overconfident there"
         )
+    yield from unbalance_notes(result.machine, result.record, estimates)
     yield from contact_notes(result.machine, result.record, estimates)
     gap = max(placed.magnet.air_gap for placed in result.machine.bearings)
     for name, one in result.estimators.items():
