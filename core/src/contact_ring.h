@@ -1,0 +1,184 @@
+/* A ring in contact: where the rotor touches it, and with which force. */
+#ifndef AMBKIT_CONTACT_RING_H
+#define AMBKIT_CONTACT_RING_H
+
+#include "ambkit/contact.h"
+#include "ambkit/root.h"
+#include "kalman_step.h"
+
+/* The contact of a ring, or after it its lateness, of which only `force` and what follows
+ * `elastic` are set; w, u as in ambkit/contact.h. */
+typedef struct touch_down {
+  bool likely; /* more likely than not */
+  int axes;    /* 1 or 2 */
+  int axis[2];
+  amb_real normal[2];          /* outward normal [1] ... */
+  amb_real reaction[2];        /* ... and the negative reaction to N = 1, friction included [1] */
+  amb_real depth;              /* penetration [m] ... */
+  amb_real rate;               /* ... its rate ... */
+  amb_real across;             /* ... and the velocity across the normal [m/s] */
+  amb_real elastic;            /* E [N] */
+  amb_real force;              /* N [N]; 0: free */
+  amb_real k;                  /* tangents of N: by the depth [N/m] ... */
+  amb_real c;                  /* ... and by its rate [N s/m] */
+  amb_real variance;           /* variance of N [N^2]: by that of the states ... */
+  amb_real extra;              /* ... and in addition, by curvature and scatter */
+  amb_real cross;              /* covariance of the extra parts of N and its lateness [N^2] */
+  amb_real w[AMB_STATES];      /* gradient of N by the states */
+  amb_real u[AMB_STATES];      /* response of the states to N */
+  amb_real spread[AMB_STATES]; /* P w, then A P w */
+} touch_down;
+
+AMB_INLINE amb_real times(int n, const amb_real row[AMB_STATES], const amb_real states[AMB_STATES])
+{
+  amb_real sum = row[0] * states[0];
+  for (int i = 1; i < n; i++) {
+    sum += row[i] * states[i];
+  }
+  return sum;
+}
+
+/* Elastic force E [N] at a penetration and its tangent k, at most that of half an inverse
+ * compliance. */
+AMB_INLINE void elastic_force(amb_real stiffness, amb_real compliance, amb_real depth, amb_real *E,
+                              amb_real *k)
+{
+  const amb_real slope = AMB_C(1.5) * stiffness; /* of the tangent by the root of d */
+  const amb_real stiffest = AMB_C(0.5) / compliance;
+  const amb_real last = stiffest / slope; /* root of the depth of the stiffest tangent */
+  const amb_real edge = last * last;
+  const amb_real curved = amb_at_most(depth, edge);
+  const amb_real root = amb_root(curved);
+  *k = slope * root;
+  *E = stiffness * curved * root;
+  if (depth > edge) {
+    *E += stiffest * (depth - edge);
+  }
+}
+
+/* Friction of a ring relative to N, against the slip [m/s]. */
+AMB_INLINE amb_real friction(const amb_contact *own, int ring, amb_real force, amb_real slip)
+{
+  const amb_real most = own->friction[ring] * force;
+  const amb_real stops = AMB_C(0.5) / own->mobility[ring] * slip; /* stops the slip in a sample */
+  return amb_clamp(stops, -most, most) / force;
+}
+
+/* Normal, penetration and velocities of a ring at a mean of the states and under the other forces
+ * F, if the displacement is beyond `least`; leaves w, u and spread unchanged. */
+AMB_INLINE bool approach(const amb_model *model, const amb_contact *own, int ring,
+                         const amb_real mean[AMB_STATES], const amb_real F[AMB_FORCES],
+                         amb_real least, touch_down *at)
+{
+  const int n = amb_states(model);
+  const bool two = (amb_forces(model) > 1) && (own->second[ring] != own->first[ring]);
+  at->likely = true;
+  at->axes = two ? 2 : 1;
+  at->axis[0] = (int)own->first[ring];
+  at->axis[1] = (int)own->second[ring];
+  at->normal[0] = AMB_C(0.0);
+  at->normal[1] = AMB_C(0.0);
+  at->reaction[0] = AMB_C(0.0);
+  at->reaction[1] = AMB_C(0.0);
+  at->elastic = AMB_C(0.0);
+  at->force = AMB_C(0.0);
+  at->k = AMB_C(0.0);
+  at->c = AMB_C(0.0);
+  at->variance = AMB_C(0.0);
+  at->extra = AMB_C(0.0);
+  const amb_real F_a = F[at->axis[0]];
+  const amb_real F_b = two ? F[at->axis[1]] : AMB_C(0.0);
+  const amb_real compliance = own->compliance[ring];
+  const amb_real a = times(n, own->displacement[at->axis[0]], mean) + compliance * F_a;
+  const amb_real b =
+      two ? (times(n, own->displacement[at->axis[1]], mean) + compliance * F_b) : AMB_C(0.0);
+  const amb_real radius = two ? amb_root(a * a + b * b) : amb_magnitude(a);
+  if (!(radius > least)) {
+    return false;
+  }
+  at->depth = radius - own->clearance[ring];
+  at->normal[0] = a / radius;
+  at->normal[1] = two ? (b / radius) : AMB_C(0.0);
+  const amb_real mobility = own->mobility[ring];
+  const amb_real v = times(n, own->velocity[at->axis[0]], mean) + mobility * F_a;
+  const amb_real w =
+      two ? (times(n, own->velocity[at->axis[1]], mean) + mobility * F_b) : AMB_C(0.0);
+  at->rate = at->normal[0] * v;
+  at->across = AMB_C(0.0);
+  if (two) {
+    at->rate += at->normal[1] * w;
+    at->across = at->normal[0] * w - at->normal[1] * v;
+  }
+  return true;
+}
+
+/* Reaction to N = 1: along the normal, and by friction across it. */
+AMB_INLINE void react(const amb_contact *own, int ring, touch_down *at)
+{
+  at->reaction[0] = at->normal[0];
+  at->reaction[1] = at->normal[1];
+  if ((at->axes > 1) && (at->force > AMB_C(0.0))) {
+    const amb_real share = friction(own, ring, at->force, own->surface[ring] + at->across);
+    at->reaction[0] -= share * at->normal[1];
+    at->reaction[1] += share * at->normal[0];
+  }
+}
+
+/* Contact of a ring at a mean of the states and under the other forces F. Returns whether there is
+ * any; leaves w, u and spread unchanged. */
+AMB_INLINE bool touch(const amb_model *model, const amb_contact *own, int ring,
+                      const amb_real mean[AMB_STATES], const amb_real F[AMB_FORCES], touch_down *at)
+{
+  if (!approach(model, own, ring, mean, F, own->clearance[ring], at)) {
+    return false;
+  }
+  const amb_real compliance = own->compliance[ring];
+  const amb_real mobility = own->mobility[ring];
+  elastic_force(own->stiffness[ring], compliance, at->depth, &at->elastic, &at->k);
+  at->c = amb_at_most(AMB_C(1.5) * own->damping[ring] * at->elastic, AMB_C(0.5) / mobility);
+  const amb_real force = at->elastic + at->c * at->rate;
+  if (!(force > AMB_C(0.0))) {
+    return false;
+  }
+  const amb_real implicit = AMB_C(1.0) / (AMB_C(1.0) + compliance * at->k + mobility * at->c);
+  at->force = implicit * force;
+  at->k *= implicit;
+  at->c *= implicit;
+  react(own, ring, at);
+  return true;
+}
+
+AMB_INLINE void add_force(const touch_down *at, amb_real F[AMB_FORCES])
+{
+  for (int a = 0; a < at->axes; a++) {
+    F[at->axis[a]] -= at->force * at->reaction[a];
+  }
+}
+
+/* Adds P w, of the upper triangle of P. */
+AMB_INLINE void add_spread(int n, const amb_real P[AMB_TRIANGLE], const amb_real w[AMB_STATES],
+                           amb_real spread[AMB_STATES])
+{
+  int entry = 0;
+  for (int i = 0; i < n; i++) {
+    spread[i] += P[entry] * w[i];
+    entry++;
+    for (int j = i + 1; j < n; j++) {
+      spread[i] += P[entry] * w[j];
+      spread[j] += P[entry] * w[i];
+      entry++;
+    }
+  }
+}
+
+/* Response of the states to N along an axis. */
+AMB_INLINE void add_response(const amb_model *model, int a, touch_down *at)
+{
+  amb_real by_force[AMB_STATES];
+  amb_model_pushed(model, at->axis[a], by_force);
+  for (int i = 0; i < amb_states(model); i++) {
+    at->u[i] += at->reaction[a] * by_force[i];
+  }
+}
+
+#endif
