@@ -14,7 +14,7 @@ from ambkit.identification.maximum_likelihood.load_steps import (
     names_of_parts,
 )
 from ambkit.identification.maximum_likelihood.parameters import OFFSETS, named, usual
-from ambkit.identification.maximum_likelihood.structure import examine
+from ambkit.identification.maximum_likelihood.structure import Structure, examine
 from ambkit.machine.axes import with_axis
 from ambkit.workflow.identify import starting_model
 from benchmarks.wrong_plants import MACHINES, NAMES, WRONG, Case, simulate
@@ -145,3 +145,9 @@ def test_an_axis_among_others_is_tested_by_the_same_text(changes, name):
 def test_play_follows_its_input_by_half_its_width():
     i = np.array([0.0, 1.0, 0.9, 0.2, -1.0, -0.5])
     np.testing.assert_allclose(play(i, 0.3), [0.0, 0.7, 0.7, 0.5, -0.7, -0.7])
+
+
+@pytest.mark.parametrize(("least", "words"), [(3.79, "coils: "), (0.3, "coils below 30 %: ")])
+def test_what_only_more_than_all_of_it_would_show_is_not_shown_at_all(least, words):
+    (note,) = Structure([], [], tested=True, detectable={"unequal coils": least}).notes
+    assert note.startswith(f"These records cannot show unequal {words}")

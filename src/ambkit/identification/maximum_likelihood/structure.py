@@ -54,12 +54,12 @@ class Structure:
         """Departures, and undetectable structures, in sentences."""
         notes = [*(item.text for item in self.departures), *self.remarks]
         shown = {item.kind.name for item in self.departures}
-        notes += [
-            f"These records cannot show {kind.name} below "
-            f"{Row('', '', self.detectable[kind.name], kind.unit, 2).text()}: {kind.experiment}."
-            for kind in KINDS.values()
-            if kind.name not in shown and self.detectable.get(kind.name, 0.0) > kind.common > 0
-        ]
+        for kind in KINDS.values():
+            least = self.detectable.get(kind.name, 0.0)
+            if kind.name not in shown and least > kind.common > 0:
+                full = kind.unit == "%" and least >= FULL
+                below = "" if full else f" below {Row('', '', least, kind.unit, 2).text()}"
+                notes.append(f"These records cannot show {kind.name}{below}: {kind.experiment}.")
         return notes
 
     def rows(self) -> list[Row]:
