@@ -11,7 +11,7 @@ import ambkit
 from ambkit import FilterNoise, Machine, Scenario, Status
 from ambkit.estimate.contact import samples_of_contact
 from ambkit.estimate.registry import KINDS
-from ambkit.export.c import export_c
+from ambkit.export.c import cost, export_c, proof
 from ambkit.judge.comparison.comparison import raw_error
 from ambkit.judge.comparison.criteria import errors_along
 from ambkit.judge.contact import contact_notes, on_stop, stop_notes
@@ -440,6 +440,18 @@ def test_exported_c_has_its_bits_along_touchdowns(precision, stiffness, tmp_path
     ours = np.column_stack([estimate[name] for name in ("x", "v", "f_d")])
     assert (np.array(means)[1:] == ours[1:].astype(dtype)).all()
     assert (np.array(status)[1:] == np.asarray(estimate.status)[1:]).all()
+
+
+def test_costs_and_proofs_of_resolved_contacts_are_not_those_of_short_ones():
+    resolved, short = (
+        KINDS["contact"].make(AXIS.replace(stop={"stiffness": k, "damping": 0.3}),
+                              precision="float32")
+        for k in (1e8, 1e12)
+    )  # fmt: skip
+    assert cost.of(resolved) is not None
+    assert proof.recorded(resolved, "float", editable=False).complete
+    assert cost.of(short) is None
+    assert proof.recorded(short, "float", editable=False) is None
 
 
 def test_contact_after_a_power_failure_does_not_accuse_the_controller():
