@@ -90,6 +90,13 @@ void amb_excitation_update(amb_excitation *e, const amb_model *model, int r,
   e->sample_information += on_y * per;
 }
 
+/* Slope of a regression, 0 on what does not vary. */
+static amb_real regression(amb_real shared, amb_real variance)
+{
+  const bool varies = variance > (AMB_C(1.0) / AMB_REAL_ROOT);
+  return varies ? amb_clamp(shared / variance, -AMB_REAL_ROOT, AMB_REAL_ROOT) : AMB_C(0.0);
+}
+
 /* Whether the magnet forces vary more than the disturbances, including this sample. */
 static bool moves_more(amb_excitation *e, const amb_kalman *kf, amb_real slowly,
                        const amb_real mean[AMB_STATES])
@@ -110,8 +117,8 @@ static bool moves_more(amb_excitation *e, const amb_kalman *kf, amb_real slowly,
   }
   const amb_real shared = e->shared + slowly * ((AMB_C(1.0) - slowly) * product - e->shared);
   e->shared = AMB_WITHIN(shared, AMB_REAL_ROOT) ? shared : AMB_C(0.0);
-  e->offset = (answer > AMB_C(0.0)) ? (-e->shared / answer) : AMB_C(0.0);
-  e->balanced = (load > AMB_C(0.0)) ? (e->shared / load) : AMB_C(0.0);
+  e->offset = -regression(e->shared, answer);
+  e->balanced = regression(e->shared, load);
   return load < (AMB_LOAD_SHARE * answer);
 }
 
