@@ -93,8 +93,10 @@ void amb_excitation_update(amb_excitation *e, const amb_model *model, int r,
 /* Slope of a regression, 0 on what does not vary. */
 static amb_real regression(amb_real shared, amb_real variance)
 {
-  const bool varies = variance > (AMB_C(4.0) / AMB_REAL_ROOT); /* no quotient overflows */
-  return varies ? amb_clamp(shared / variance, -AMB_REAL_ROOT, AMB_REAL_ROOT) : AMB_C(0.0);
+  /* Of such a variance no quotient overflows. */
+  return (variance > (AMB_C(4.0) / AMB_REAL_ROOT))
+             ? amb_clamp(shared / variance, -AMB_REAL_ROOT, AMB_REAL_ROOT)
+             : AMB_C(0.0);
 }
 
 /* Whether the magnet forces vary more than the disturbances, including this sample. */
