@@ -344,7 +344,7 @@ void bind_estimators(nb::module_ &m)
            nb::arg("bias"), nb::arg("parts"), nb::arg("scatter"), nb::arg("settings"),
            nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, first: Any, "
                    "second: Any, numbers: Any, displacement: Any, velocity: Any, later: Any, bias: "
-                   "Any, scatter: float, **settings: Any) -> None"))
+                   "Any, parts: int, scatter: float, **settings: Any) -> None"))
       .def("run", &run_supplied, nb::arg("y"), nb::arg("u"), nb::kw_only(),
            nb::arg("covariance") = false, nb::arg("instructions") = nb::none(),
            nb::arg("on") = nb::none(),

@@ -123,13 +123,14 @@ class Table(NamedTuple):
             show_header=any(self.headers),
             pad_edge=False,
         )
+        lines = []
         for (place, cells), width in zip(columns.items(), widths, strict=True):
             left = place == 0 or (self.wide and place == len(self.headers) - 1)
             head = Text(cells[0], overflow="fold")
             rich_table.add_column(head, justify="left" if left else "right", width=width)
-        for row in zip(*(cells[1:] for cells in columns.values()), strict=True):
-            lines = map(_broken, row, widths)
-            rich_table.add_row(*(Text(cell, overflow="fold") for cell in lines))
+            lines.append([cell if left else _broken(cell, width) for cell in cells[1:]])
+        for row in zip(*lines, strict=True):
+            rich_table.add_row(*(Text(cell, overflow="fold") for cell in row))
         return rich_table
 
 
