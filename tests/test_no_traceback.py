@@ -474,6 +474,10 @@ def test_a_folder_is_written_as_a_whole_or_not_at_all(tmp_path):
 
 def test_a_link_stays_a_link_and_a_pipe_a_pipe(tmp_path):
     (tmp_path / "link").symlink_to("file")
+    with files.replacing_in(tmp_path) as temporary:
+        files.write_text(temporary / "link", "0")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "file").read_text() == "0"
     files.write_text(tmp_path / "link", "1")
     assert (tmp_path / "link").is_symlink()
     assert (tmp_path / "file").read_text() == "1"

@@ -82,7 +82,8 @@ def replacing_in(path: str | os.PathLike[str], first: str = "") -> Iterator[Path
         for file in sorted(made, key=lambda element: element.name != first):
             place = path / file.relative_to(temporary)
             place.parent.mkdir(parents=True, exist_ok=True)
-            os.replace(file, place)
+            with replacing(place) as beside:
+                shutil.move(file, beside)
     except OSError as error:
         raise AmbkitError(f"{path}: cannot be written: {error.strerror or error}") from error
     except AmbkitError as error:  # of a file in it: reported at its destination
