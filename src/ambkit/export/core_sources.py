@@ -3,6 +3,7 @@
 import hashlib
 import re
 from collections.abc import Iterable, Mapping
+from functools import cache
 from pathlib import Path
 
 from ambkit.base.errors import AmbkitError
@@ -25,46 +26,55 @@ def folder() -> Path:
     raise AmbkitError(f"the C sources that come with ambkit are not there: {_FOLDERS[0]}")
 
 
+@cache
+def _texts(root: Path) -> dict[str, str]:
+    """Return all sources by their names."""
+    paths = sorted(root.rglob("*.[ch]"))
+    return {path.relative_to(root).as_posix(): path.read_text(encoding="utf-8") for path in paths}
+
+
 def closure(
     sources: Iterable[str], *, instead: Mapping[str, str | None] | None = None
 ) -> dict[str, str]:
     """Return C sources and all headers that they include, directly or indirectly."""
-    root, overrides = folder(), instead or {}
+    texts, overrides = _texts(folder()), instead or {}
     results: dict[str, str] = {}
     waiting = list(sources)
     while waiting:
         name = waiting.pop()
         if name in results:
             continue
-        text = overrides[name] if name in overrides else (root / name).read_text(encoding="utf-8")
+        text = overrides[name] if name in overrides else texts[name]
         if text is None:
             continue
         results[name] = text
-        waiting += [_place(root, name, included) for included in _INCLUDE.findall(results[name])]
+        waiting += [_place(texts, name, included) for included in _INCLUDE.findall(results[name])]
     return dict(sorted(results.items()))
 
 
 def external_names() -> tuple[str, ...]:
     """Return the names of all functions and constants of the core that a linker sees."""
-    headers = (folder() / "include" / "ambkit").glob("*.h"), (folder() / "src").glob("*.h")
-    texts = (path.read_text(encoding="utf-8") for paths in headers for path in sorted(paths))
-    return tuple(sorted({name for text in texts for name in _EXTERNAL.findall(text)}))
+    headers = (
+        text for name, text in _texts(folder()).items()
+        if name.endswith(".h") and name.startswith(("include/", "src/"))
+    )  # fmt: skip
+    return tuple(sorted({name for text in headers for name in _EXTERNAL.findall(text)}))
 
 
 def hashed(*parts: str) -> str:
     """Return six hexadecimal digits, a hash of the core's text and these."""
     digest = hashlib.sha256()
-    for path in sorted(folder().rglob("*.[ch]")):
-        digest.update(path.relative_to(folder()).as_posix().encode() + path.read_bytes())
+    for name, text in _texts(folder()).items():
+        digest.update(f"{name}{text}".encode())
     for part in parts:
         digest.update(part.encode() + b"\0")
     return digest.hexdigest()[:6]
 
 
-def _place(root: Path, including: str, included: str) -> str:
+def _place(texts: Mapping[str, str], including: str, included: str) -> str:
     """Return the path of an included file: beside the other, or in an include folder."""
     beside = (Path(including).parent / included).as_posix()
     for candidate in (beside, f"include/{included}", included):
-        if (root / candidate).is_file():
+        if candidate in texts:
             return candidate
-    raise AmbkitError(f"{root / including}: includes {included}, which is not there")
+    raise AmbkitError(f"{folder() / including}: includes {included}, which is not there")
