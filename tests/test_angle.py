@@ -419,7 +419,7 @@ def test_controllers_hear_the_angle():
         dirty.replace(angle=None), flight,
         filter=ExtendedKalmanFilter(dirty.replace(angle=None), synchronous=("unbalance",)),
     )  # fmt: skip
-    plain = simulate(dirty.replace(angle=None), Scenario(duration=1.0, seed=1))
+    plain = simulate(dirty.replace(angle=None), Scenario(duration=1.0, seed=1), filter="extended")
     t = run.record.t[5000:]
 
     def synchronous(of):

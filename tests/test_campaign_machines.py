@@ -17,7 +17,7 @@ from ambkit.control.control import Control, LiftOff, Mode
 from ambkit.control.controller_states import Controller
 from ambkit.control.controllers import controllers_of
 from ambkit.data.signals import signal
-from ambkit.estimate.registry import KINDS
+from ambkit.estimate.registry import KINDS, default_filter
 from ambkit.judge.loop.loop_builder import LoopBuilder
 from ambkit.models.plant import Plant
 from ambkit.simulation.many import simulate_many
@@ -168,7 +168,7 @@ type = "lqg"
     machine = ambkit.preset(name)
     for control, peak in zip(("decentralised", "lqg"), found[1:3], strict=True):
         loop = LoopBuilder(machine, Control(type=control, feedback="estimate"))
-        assert peak == pytest.approx(loop.peak(ambkit.ExtendedKalmanFilter(machine)), rel=1e-6)
+        assert peak == pytest.approx(loop.peak(default_filter(machine)), rel=1e-6)
     assert len({f"{peak:.3f}" for peak in found}) == 3
     assert found[2] == found[3]
 
@@ -190,7 +190,7 @@ def test_peaks_are_those_that_assess_finds(feedback, control):
     plan = Plan(Study(name="a", machine="tum_mlps", runs=1, scenario={"controller": controller}))
     (drawn,) = plan.machines(plan.points(0, 1), plan.noise(0, 1), 0)
     machine = ambkit.Machine.preset("tum_mlps")
-    fed = ambkit.ExtendedKalmanFilter(machine) if feedback == "estimate" else None
+    fed = default_filter(machine) if feedback == "estimate" else None
     expected = LoopBuilder(machine, Control(type=control)).peak(fed)
     assert peak_of(drawn.planned) == pytest.approx(expected, rel=1e-6)
 

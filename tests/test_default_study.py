@@ -6,8 +6,9 @@ import pytest
 import ambkit
 from ambkit import FilterNoise, Machine
 from ambkit.estimate import DEFAULT
-from ambkit.estimate.registry import KINDS
+from ambkit.estimate.registry import KINDS, default_filter, default_name
 from ambkit.judge.comparison.default_study import CONSISTENT, score_defaults
+from ambkit.machine.accessories import Runout
 from benchmarks.defaults import TUNED, random_machine, scores
 from benchmarks.sensors import drawn
 
@@ -43,13 +44,31 @@ def test_poles_follow_noise_and_disturbance(kind):
     assert fastest(measurement=100 * R) < fastest() < fastest(disturbance=1e4 * q)
 
 
-def test_an_unbalance_that_the_filter_does_not_estimate_is_one_judgement(call):
-    """Of check and of simulate: without the unbalance the same filter is consistent."""
-    (note,) = (text for text in ambkit.simulate("hindawi_2011").notes if "unbalance" in text)
-    assert "'+unbalance'" in note
-    assert note in call("check", "hindawi_2011").err
+def test_the_default_estimates_what_rotates_by_the_description():
+    still, spun = Machine.preset("hindawi_2011").replace(speed=0.0), Machine.preset("hindawi_2011")
+    sensors = [item.model_copy(update={"runout": (Runout(order=1, amplitude=2e-6),)})
+               for item in spun.sensors]  # fmt: skip
+    names = [default_name(of) for of in (still, spun, spun.replace(sensor=sensors))]
+    assert names == ["extended", "extended+unbalance", "extended+unbalance+runout"]
+    assert [state.role for state in default_filter(spun).states].count("unbalance") == 2
+
+
+@pytest.mark.parametrize("name", ["hindawi_2011", "compressor"])
+def test_the_default_is_consistent_with_an_unbalance(name):
+    """Without the unbalance among its states it is so in 28 and 0 % of the samples."""
+    machine = Machine.preset(name)
+    score = score_defaults(machine, runs=1)
+    kind = default_name(machine)
+    assert CONSISTENT[0] <= score.nees[kind] <= CONSISTENT[1]
+    assert score.errors[kind] < score.raw
+
+
+def test_an_unbalance_that_the_filter_does_not_estimate_is_reported():
+    """Without the unbalance the same filter is consistent."""
     spun = Machine.preset("hindawi_2011")
-    for machine, filter in ((spun, "extended+unbalance"), (spun.replace(unbalance=[]), "extended")):
+    (note,) = (of for of in ambkit.simulate(spun, filter="extended").notes if "unbalance" in of)
+    assert "'+unbalance'" in note
+    for machine, filter in ((spun, None), (spun.replace(unbalance=[]), "extended")):
         notes = ambkit.simulate(machine, filter=filter).notes
         assert not any("with the unbalance" in text for text in notes)
 

@@ -207,10 +207,9 @@ def test_the_regulator_is_controls_own():
     ],
 )
 def test_what_cannot_be_is_refused(control, feedback, message):
+    machine, scenario = Machine.preset("tum_mlps"), Scenario(duration=0.1, controller=control)
     with pytest.raises(AmbkitError, match=message):
-        simulate_run(
-            Machine.preset("tum_mlps"), Scenario(duration=0.1, controller=control).fed(feedback)
-        )
+        simulate_run(machine, scenario.fed(feedback), estimator=KalmanFilter(machine))
 
 
 @pytest.mark.parametrize(("unbalance", "peak"), [("force-free", 6320.0), ("compensation", 5410.0)])

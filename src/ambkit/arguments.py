@@ -29,8 +29,16 @@ from ambkit.estimate import DEFAULT
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_file import FilterFile, filter_file_for
 from ambkit.estimate.filter_saving import in_memory
-from ambkit.estimate.named import AT, PLUS, FromFile, FromKind, experts, factories
-from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, get_kind, learned_magnet
+from ambkit.estimate.named import FromFile, FromKind, experts, factories
+from ambkit.estimate.registry import (
+    AT,
+    FILTER_SUFFIX,
+    KINDS,
+    PLUS,
+    default_name,
+    get_kind,
+    learned_magnet,
+)
 from ambkit.export.stiffness_table import tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.plausibility import evaluate_record, off_rate
@@ -94,7 +102,7 @@ def loop_arguments(
     plant, filter = _plant_and_filter(machine, filter)
     control, constant, measured = controller_argument(plant, controller)
     if filter is None:
-        filter = NONE if measured else DEFAULT
+        filter = NONE if measured else default_name(plant)
     if isinstance(filter, (list, tuple)):  # fed by the measurement is assessed beside each
         filter = [item for item in filter if item != NONE] or NONE
     filters = {} if filter == NONE else filter_arguments(filter, plant)
@@ -136,6 +144,7 @@ def tuning_arguments(
 ) -> TuningArguments:
     """Return machine, records and kind of filter; ``KIND@FILE`` names what its magnet asks."""
     plant = machine_argument(machine)
+    filter = default_name(plant) if filter is None else filter
     kind, _, file = filter.partition(AT) if isinstance(filter, str) else (filter, "", "")
     get_kind(kind)
     named = names_in(Record, records=records)
@@ -289,7 +298,7 @@ def filter_to_export(
     """Return the machine and the filter that are to be exported; a filter's file gives both."""
     plant, filter = _plant_and_filter(machine, filter)
     of_core: Precision = "float32" if precision == "float" else "float64"
-    default = DEFAULT if DEFAULT in choice else choice[0]
+    default = default_name(plant) if DEFAULT in choice else choice[0]
     factory = _factory(default if filter is None else filter, plant, choice)
     if table_error is not None:
         bound = None if table_error == "auto" else in_si("table_error", table_error, "N")

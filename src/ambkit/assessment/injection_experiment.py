@@ -17,8 +17,8 @@ from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.data.signals import displacement as displacement_of
 from ambkit.data.signals import signal
-from ambkit.estimate import DEFAULT
 from ambkit.estimate.estimate import Estimate, Status
+from ambkit.estimate.registry import default_name
 from ambkit.identification.excitation.design import Limits, check_band
 from ambkit.identification.excitation.excitation_figure import panels_within
 from ambkit.identification.excitation.signals import Excitation, sparse_multisine
@@ -195,7 +195,7 @@ class _Experiment:
         current: float | None, displacement: float | None,
     ) -> None:  # fmt: skip
         scenario = self.scenario = settled_scenario(machine, scenario.replace(noise=True))
-        self.filter = (filter or DEFAULT) if scenario.feedback == "estimate" else None
+        self.filter = (filter or default_name(machine)) if scenario.feedback == "estimate" else None
         result = assess(loop_arguments(machine, self.filter or NONE, scenario.controller))
         self.machine: Any = result.machine
         self.T, self.n = self.machine.sampling_time, samples(machine, scenario)

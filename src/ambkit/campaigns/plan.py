@@ -29,7 +29,7 @@ from ambkit.control.controllers import TYPES, Controllers, controllers_of, relat
 from ambkit.control.default_control import is_default
 from ambkit.control.pid import PID
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.registry import FILTER_SUFFIX
+from ambkit.estimate.registry import FILTER_SUFFIX, default_name
 from ambkit.machine.loading import load_machine
 from ambkit.machine.parts import FILES
 from ambkit.models.plant import Plant
@@ -74,9 +74,7 @@ class Plan:
     def keys(self) -> tuple[Key, ...]:
         """Their units, nominal values and limits."""
         study = self.study
-        return tuple(
-            key_of(item, self.nominal, study.scenario, study.estimator) for item in study.vary
-        )
+        return tuple(key_of(item, self.nominal, study.scenario, self.filter) for item in study.vary)
 
     @cached_property
     def marginals(self) -> tuple[Marginal, ...]:
@@ -135,7 +133,7 @@ class Plan:
     @cached_property
     def fingerprint(self) -> str:
         """Hash of everything that determines the rows, including files named by the study."""
-        named = [self.study.estimator, *map(str, self._choices("estimator"))]
+        named = [self.filter, *map(str, self._choices("estimator"))]
         of, files_of = self.nominal, {"magnet": {*FILES}}
         without: Any = {"bearings": {"__all__": files_of}, "rotor": {"file"}}
         named_there = [getattr(item.magnet, name) for item in of.bearings for name in FILES]
@@ -210,7 +208,7 @@ class Plan:
         self, run: int, values: Mapping[str, Any], noise: int, allowed: bool
     ) -> SampledMachine:
         scenario = self._scenario(values)
-        estimator = self.estimators[str(values.get("estimator", self.study.estimator))]
+        estimator = self.estimators[str(values.get("estimator", self.filter))]
         own = {
             name: value for name, value in values.items()
             if name not in ("estimator", "controller") and not name.startswith(OF_RUN)
@@ -298,8 +296,13 @@ class Plan:
         return known[key]
 
     @property
+    def filter(self) -> str:
+        """Name of the filter where it does not vary."""
+        return self.study.estimator or default_name(self.nominal)
+
+    @property
     def _estimator_names(self) -> list[str]:
-        return [str(name) for name in self._choices("estimator") or (self.study.estimator,)]
+        return [str(name) for name in self._choices("estimator") or (self.filter,)]
 
     @cached_property
     def estimators(self) -> dict[str, Estimator | None]:
@@ -308,7 +311,7 @@ class Plan:
 
         names = self._estimator_names
         kinds = [name for name in names if name != "none"]
-        built = factories(kinds, self.nominal, synchronous=self.study.synchronous)
+        built = factories(kinds, self.nominal)
         made: dict[str, Estimator | None] = {name: make() for name, make in built.items()}
         return made | ({"none": None} if "none" in names else {})
 
@@ -321,7 +324,7 @@ class Plan:
 
     def with_design(self, estimator: Estimator, controller: Control | None) -> Plan:
         """Return the plan with another filter and, if given, another controller."""
-        made: dict[str, Any] = {"estimators": {self.study.estimator: estimator}}
+        made: dict[str, Any] = {"estimators": {self.filter: estimator}}
         if controller is not None:
             made["scenario"] = self.scenario.model_copy(update={"controller": controller})
         other = type(self)(self.study)

@@ -37,7 +37,6 @@ from ambkit.base.errors import AmbkitError
 from ambkit.campaigns.distributions import Vary
 from ambkit.campaigns.study_tables import Correlated, Criteria, Recorded, Stop
 from ambkit.control.control import Control
-from ambkit.estimate import DEFAULT
 from ambkit.machine import presets
 from ambkit.simulation.scenario import Scenario
 
@@ -80,12 +79,10 @@ class Study(Document):
     """Purpose."""
     machine: MachineName
     """Nominal machine: a preset, or a file. Controllers and filters are designed for it."""
-    estimator: EstimatorName = DEFAULT
+    estimator: EstimatorName | None = None
     """Filter in the loop, or beside it with the measurement as feedback: a kind, a filter file, or
-    none.
+    none. By default as for `ambkit simulate`.
     """
-    synchronous: tuple[Literal["unbalance", "runout"], ...] = ()
-    """Synchronous quantities that are estimated too."""
     runs: Annotated[int, Field(ge=1, le=MOST_RUNS, strict=True)] | None = None
     """Maximum number of runs; a grid has as many as it has points."""
     repeats: Annotated[int, Field(ge=1, strict=True)] = 1

@@ -48,8 +48,6 @@ def contradictions(read: Read) -> Iterator[Problem]:
             plant = load_machine(read("machine"))
     except AmbkitError as error:
         yield "machine", str(error)
-    if plant is not None and plant.rotor.type == "mass" and read("synchronous") != ():
-        yield "synchronous", "is of a rotor that turns; this one is a mass"
     if isinstance(read("estimator"), str):
         yield from _estimator("estimator", read("estimator"))
     yield from _how_many(read)

@@ -2,7 +2,7 @@
 
 import logging
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from inspect import signature
@@ -15,7 +15,7 @@ from ambkit.base.quantity_arguments import names_in, of_type
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_file import FilterFile, filter_file_for, magnet_in
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, check_named, learned_magnet
+from ambkit.estimate.registry import AT, FILTER_SUFFIX, KINDS, PLUS, check_named, learned_magnet
 from ambkit.estimate.user_filter import OwnEstimator, is_own, own_factory
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine.axes import force_laws, isolated_axes
@@ -42,9 +42,6 @@ def experts(path: Path, machine: Machine) -> MagnetModel:
         )
     return force_laws([magnet] * len(axes), machine)
 
-
-AT = "@"  #: Separator of a kind and the file of its magnet model, as in ``adaptive@expert.json``.
-PLUS = "+"  #: Separator of a kind and its synchronous states, as in ``linear+unbalance``.
 
 USUAL = ("linear", "adaptive", "closed-law")
 """Default comparison: constant, learned and exact stiffness."""
@@ -126,15 +123,13 @@ class FromObject:
         return one
 
 
-def factories(
-    filters: Any, machine: Machine, synchronous: Sequence[str] = ()
-) -> dict[str, Factory]:
+def factories(filters: Any, machine: Machine) -> dict[str, Factory]:
     """Return the builders of filters, from any argument of a verb."""
     if isinstance(filters, Mapping):
         return {name: _factory(name, item, machine) for name, item in filters.items()}
     several = names_in(Estimator, type, filter=filters)
     names = [item for item in several if isinstance(item, str | os.PathLike)]
-    results: dict[str, Factory] = dict(_named(names, machine, synchronous))
+    results: dict[str, Factory] = dict(_named(names, machine))
     for item in several:
         if isinstance(item, str | os.PathLike):
             continue
@@ -163,7 +158,7 @@ def _factory(name: str, item: Any, machine: Machine) -> Factory:
     if isinstance(item, FromKind | FromFile | FromObject):
         return item
     if isinstance(item, str | os.PathLike):
-        (factory,) = _named([item], machine, ()).values()
+        (factory,) = _named([item], machine).values()
         return factory
     if is_own(item):
         return own_factory(name, item, machine)
@@ -172,26 +167,20 @@ def _factory(name: str, item: Any, machine: Machine) -> Factory:
     return FromObject(name, item, machine)
 
 
-def _named(
-    names: Iterable[Any], machine: Machine, synchronous: Sequence[str]
-) -> dict[str, Factory]:
+def _named(names: Iterable[Any], machine: Machine) -> dict[str, Factory]:
     def factory(name: str) -> Factory:
         if name.endswith(FILTER_SUFFIX):
-            if synchronous:
-                raise AmbkitError(f"synchronous is of kinds; {name} defines its own states")
             return FromFile(filter_file_for(name, machine))
         if MARK in name:
-            if synchronous:
-                raise AmbkitError(f"synchronous is of kinds; {name} is a class of your own")
             return own_factory(*load_class(name), machine)
-        kind, *own = name.partition(AT)[0].split(PLUS)
+        kind, *synchronous = name.partition(AT)[0].split(PLUS)
         if name.endswith(EXPERTS):
             file = name.partition(AT)[2]
             kind = kind if file else "adaptive"
             magnet: MagnetModel | None = experts(Path(file or name), machine)
         else:
             magnet = learned_magnet(kind, machine)
-        return FromKind(kind, machine, magnet, (*synchronous, *own))
+        return FromKind(kind, machine, magnet, tuple(synchronous))
 
     return {name: factory(name) for name in expanded(names)}
 

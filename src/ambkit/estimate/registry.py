@@ -279,24 +279,34 @@ KINDS = {
 }  # fmt: skip
 """All kinds, the simplest first."""
 
+AT = "@"  #: Separator of a kind and the file of its magnet model, as in ``adaptive@expert.json``.
+PLUS = "+"  #: Separator of a kind and its synchronous states, as in ``linear+unbalance``.
 FILTER_SUFFIX = ".toml"  #: Suffix of a filter file, which may replace the name of an estimator.
 
 
 def get_kind(name: str) -> FilterKind:
-    """Return a kind by name."""
-    if not isinstance(name, str) or name not in KINDS:
+    """Return a kind by name, which may include synchronous states."""
+    kind = name.partition(PLUS)[0] if isinstance(name, str) else name
+    if not isinstance(kind, str) or kind not in KINDS:
         raise AmbkitError(f'there is no filter "{name}"; known: {", ".join(KINDS)}')
-    return KINDS[name]
+    return KINDS[kind]
+
+
+def default_name(machine: Machine) -> str:
+    """Return the default filter, which estimates the unbalance and runout that a machine states."""
+    roles = {"unbalance": machine.unbalance, "runout": any(s.runout for s in machine.sensors)}
+    return PLUS.join([DEFAULT, *(role for role in roles if machine.turns and roles[role])])
 
 
 def default_filter(machine: Machine) -> Estimator:
     """Return the default filter of a machine."""
-    return KINDS[DEFAULT].make(machine)
+    kind, *synchronous = default_name(machine).split(PLUS)
+    return KINDS[kind].make(machine, synchronous=synchronous)
 
 
 def check_named(name: str) -> None:
     """Reject anything but a kind, ``"all"``, a filter file, or a user's class."""
-    is_kind = name == "all" or name.partition("@")[0].partition("+")[0] in KINDS
+    is_kind = name == "all" or name.partition(AT)[0].partition(PLUS)[0] in KINDS
     if not (is_kind or name.endswith((FILTER_SUFFIX, ".json", ".csv", ".parquet")) or MARK in name):
         known = (
             f"known: {', '.join(KINDS)}, all, the file of a filter ({FILTER_SUFFIX}), of an expert "
@@ -333,7 +343,7 @@ def kind_of(estimator: Estimator) -> str:
 
 def learned_magnet(name: str, machine: Machine) -> MagnetModel | None:
     """Return the default magnet model of a kind that needs one."""
-    if KINDS[name].magnet is not None:
+    if get_kind(name).magnet is not None:
         return None
     from ambkit.machine.stiffness import stiffness_map
 

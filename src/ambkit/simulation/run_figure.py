@@ -21,7 +21,6 @@ TURNS = 5  #: Revolutions of an orbit in a dark colour, at the end of the run.
 AXES = ("first axis", "second axis")  #: Axes of a radial bearing.
 DISPLACEMENT = Axis("displacement", "µm", 1e6)
 SPEED = Axis("speed of rotation", "rpm", 30 / math.pi)
-_ACROSS = Axis("$x$, against gravity", "µm", 1e6), Axis("$y$", "µm", 1e6)
 
 
 def simulation_figure(run: Any) -> Figure:
@@ -149,7 +148,9 @@ def _orbit(run: Any, bearing: BearingAt) -> Panel:
             Line(travel * np.cos(turn), travel * np.sin(turn), signal="limit",
                  label="touch-down bearing")
         )  # fmt: skip
-    return Panel(*_ACROSS, items, title=f"Orbit in bearing {label(bearing.name)}", equal=True)
+    along_x = "$x$, against gravity" if run.machine.weight < 0 else "$x$"  # a shaft may be vertical
+    across = Axis(along_x, "µm", 1e6), Axis("$y$", "µm", 1e6)
+    return Panel(*across, items, title=f"Orbit in bearing {label(bearing.name)}", equal=True)
 
 
 def _last_turns(run: Any) -> slice:

@@ -39,8 +39,8 @@ def assess(
     machine : Machine, str or path
         Preset name, or TOML file of a machine or a filter.
     filter : Estimator, str, path, sequence or mapping of them, optional
-        Kind, filter file, or none. By default the filter of the file, else extended; none if the
-        controller uses the measurement.
+        Kind, filter file, or none. By default the filter of the file, else as for `ambkit
+        simulate`; none if the controller uses the measurement.
     controller : PID, Control, str or path, optional
         Scenario file, decentralised, 'translation and tilt', or lqg. Omitted settings are tuned
         automatically.

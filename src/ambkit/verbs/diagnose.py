@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ambkit.estimate import DEFAULT
 from ambkit.verbs.words import Channels, Filter, Machine, Record, Window
 
 if TYPE_CHECKING:
@@ -13,7 +12,7 @@ if TYPE_CHECKING:
 
 def diagnose(
     record: Record,
-    filter: Filter = DEFAULT,
+    filter: Filter | None = None,
     *,
     machine: Machine | None = None,
     channels: Channels | None = None,
@@ -29,8 +28,9 @@ def diagnose(
     record : Record, str or path
         Record, or log with a channel map.
     filter : Estimator, str or path, optional
-        Kind, or filter file (.toml). Process noise of the disturbance force: that of the file;
-        otherwise maximum likelihood on the first quarter of the record.
+        Kind, or filter file (.toml). By default extended, with the unbalance and runout that the
+        machine states. Process noise of the disturbance force: that of the file; otherwise maximum
+        likelihood on the first quarter of the record.
     machine : Machine, str or path, optional
         Preset name or TOML file: the machine without fault. By default that of the filter file.
     channels : ChannelMap, str or path, optional
@@ -59,7 +59,7 @@ def diagnose(
     return diagnosed(record, filter, machine, channels, window)
 
 
-def diagnose_limits(machine: Machine, filter: Filter = DEFAULT) -> Distinction:
+def diagnose_limits(machine: Machine, filter: Filter | None = None) -> Distinction:
     """List the smallest faults of a machine that can be detected and distinguished.
 
     From the Fisher information of each fault in simulated runs, at rest and with steps of a tenth
@@ -71,7 +71,7 @@ def diagnose_limits(machine: Machine, filter: Filter = DEFAULT) -> Distinction:
     machine : Machine, str or path
         Preset name or TOML file.
     filter : Estimator, str or path, optional
-        Kind, or filter file (.toml).
+        Kind, or filter file (.toml). By default as for `ambkit diagnose`.
 
     Returns
     -------

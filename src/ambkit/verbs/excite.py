@@ -111,8 +111,8 @@ def excite_sensitivity(
     machine : Machine, str or path
         Preset name or TOML file.
     filter : Estimator, str or path, optional
-        Filter of the controller, or none. By default extended; with several axes as in the
-        scenario.
+        Filter of the controller, or none. By default as for `ambkit simulate`; with several
+        axes as in the scenario.
     axis : str, optional
         Axis of the injection. By default the one that decides the zone.
     scenario : Scenario, str or path, optional

@@ -36,7 +36,8 @@ def export_c(
         Preset name, or TOML file of a machine or a filter.
     filter : str or path, optional
         Kind (linear+unbalance also estimates the unbalance), filter file, or expert (.json) or
-        force map (.csv) of the adaptive filter. By default extended.
+        force map (.csv) of the adaptive filter. By default as for `ambkit
+        simulate`.
     out : str or path
         Output folder: new, empty, or of an older export.
     controller : Scenario, str or path, optional

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ambkit.estimate import DEFAULT
 from ambkit.verbs import words
 
 if TYPE_CHECKING:
@@ -14,7 +13,7 @@ if TYPE_CHECKING:
 def simulate(
     machine: words.Machine,
     scenario: words.Scenario | None = None,
-    filter: words.LoopFilter = DEFAULT,
+    filter: words.LoopFilter | None = None,
     *,
     plant: words.TruePlant | None = None,
     duration: words.Time | None = None,
@@ -38,8 +37,9 @@ def simulate(
         Scenario (`ambkit schema scenario`).
     filter : Estimator, class, str or path, optional
         Kind (linear+unbalance also estimates the unbalance), filter file, expert (.json) or force
-        map (.csv) of the adaptive filter, a class as my.py:MyFilter, or none. It feeds the
-        controller unless the scenario selects the measurement.
+        map (.csv) of the adaptive filter, a class as my.py:MyFilter, or none. By default extended,
+        with the unbalance and runout that the machine states. It feeds the controller unless the
+        scenario selects the measurement.
     plant : MagnetModel, class, str or path, optional
         True plant, unknown to the filter: the force map of the magnet (iu, x, f_mag) of one axis,
         or a class as my.py:MyPlant.

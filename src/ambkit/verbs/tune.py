@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from ambkit.base.progress import progress
 from ambkit.base.quantity_arguments import seeds_in
-from ambkit.estimate import DEFAULT
 from ambkit.verbs import words
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 def tune(
     machine: words.Machine,
     records: words.Records = (),
-    filter: words.Filter = DEFAULT,
+    filter: words.Filter | None = None,
     *,
     controller: words.Controller | None = None,
     channels: words.Channels | None = None,
@@ -43,7 +42,8 @@ def tune(
     records : Record, str, path or sequence of them, optional
         Closed-loop record with y [m] and u [V] of all sensors and axes.
     filter : str, optional
-        Kind, or KIND@FILE with an expert (.json) or force map (.csv).
+        Kind (linear+unbalance also estimates the unbalance), or KIND@FILE with an expert (.json) or
+        force map (.csv). By default as for `ambkit simulate`.
     controller : PID, Control, str or path, optional
         As for `ambkit assess`.
     channels : ChannelMap, str or path, optional
@@ -96,7 +96,7 @@ def tune(
 def tune_trade_off(
     machine: words.Machine,
     records: words.Records = (),
-    filter: words.Filter = DEFAULT,
+    filter: words.Filter | None = None,
     *,
     peaks: Sequence[float] = (1.7, 2.0, 2.5),
     controller: words.Controller | None = None,

@@ -225,8 +225,7 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> Inspec
             for remark in remarks
         )
         about = f"{about}; {_default_filter(result)}"
-        findings = (*_default_with_unbalance(result), *sentences(list(of_machine(result))))
-        return Inspection(about, (), (*notes, *findings))
+        return Inspection(about, (), (*notes, *sentences(list(of_machine(result)))))
     if kind == "study":
         plan = Plan(result)
         plan.check()
@@ -245,24 +244,9 @@ def _default_filter(machine: Machine) -> str:
     from ambkit.judge.comparison.default_study import score_defaults
 
     try:
-        of = "default filter, without unbalance, " if machine.unbalance else "default filter "
-        return f"{of}{score_defaults(machine, runs=STUDIED).row()}"
+        return f"default filter {score_defaults(machine, runs=STUDIED).row()}"
     except AmbkitError as error:
         return f"default filter not judged: {error}"
-
-
-def _default_with_unbalance(machine: Machine) -> list[str]:
-    """Return what an unbalance does to the default filter, in the run of ``ambkit simulate``."""
-    from ambkit.judge.unbalance import unbalance_notes
-    from ambkit.simulation.run import simulate_run
-    from ambkit.workflow.simulate import scenario_for
-
-    if not machine.unbalance:
-        return []
-    filter = default_filter(machine)
-    run = simulate_run(machine, scenario_for(machine), estimator=filter)
-    estimates = {} if run.estimate is None else {filter.name: run.estimate}
-    return list(unbalance_notes(machine, run.record, estimates))
 
 
 def _of_signals(scenario: Any) -> str:

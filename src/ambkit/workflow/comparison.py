@@ -20,8 +20,8 @@ from ambkit.base.units import engineering
 from ambkit.data.files.tables import Table
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_saving import NotSaveable, made_by, origin_of, preset_of
-from ambkit.estimate.named import AT, EXPERTS, experts, factories
-from ambkit.estimate.registry import KINDS
+from ambkit.estimate.named import EXPERTS, experts, factories
+from ambkit.estimate.registry import AT, KINDS
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.cases import CASES, Case

@@ -12,7 +12,7 @@ from ambkit.data.record import Record
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.named import FromFile, FromObject, factories
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.estimate.registry import FILTER_SUFFIX
+from ambkit.estimate.registry import FILTER_SUFFIX, default_name
 from ambkit.judge.isolation.diagnosis import Diagnosis, Distinction
 from ambkit.judge.isolation.isolation import FaultIsolation, window_of
 from ambkit.machine.axes import isolated_axes
@@ -49,7 +49,7 @@ def diagnosed(record: Any, filter: Any, machine: Any, channels: Any, window: Any
 
 def _filter(filter: Any, plant: Machine, log: Record) -> tuple[Any, list[str]]:
     """Return the filter; without a file its process noise is tuned on the start of the record."""
-    (build,) = factories([filter], plant).values()
+    (build,) = factories([filter or default_name(plant)], plant).values()
     if isinstance(build, FromFile | FromObject):
         return build(), []
 

@@ -15,7 +15,7 @@ from ambkit.campaigns.study import load
 from ambkit.campaigns.worker import fly
 from ambkit.control.control import Control
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.registry import KINDS, learned_magnet
+from ambkit.estimate.registry import KINDS, PLUS, learned_magnet
 from ambkit.judge.comparison.tuning import Range, candidate_of_kind
 
 VALIDATION = 1 << 32  #: Offset of the validation machines' seed from the study's.
@@ -70,9 +70,9 @@ class Task:
             raise AmbkitError(f"quantile must be between 0 and 1, is {quantile:g}")
         if not study.record.margins:
             raise AmbkitError(f"{study.name}: the search needs record.margins = true")
-        self.kinds = tuple(dict.fromkeys((study.estimator, *filters)))
+        self.kinds = tuple(dict.fromkeys((plan.filter, *filters)))
         for kind in self.kinds:
-            if kind not in KINDS:
+            if kind.partition(PLUS)[0] not in KINDS:
                 raise AmbkitError(
                     f"{study.name}: the filter that is tuned must be a kind, {', '.join(KINDS)}, "
                     f"is {kind}"
@@ -84,8 +84,6 @@ class Task:
             raise AmbkitError(f"{study.name}: gains vary, and are what is to be tuned")
         self.plan, self.several = plan, plan.several
         self.quantile, self.max_sensitivity = quantile, max_sensitivity
-        if study.synchronous:
-            raise AmbkitError(f"{study.name}: synchronous does not go with the search for a filter")
         self.points, self.noise = plan.points(0, plan.runs), plan.noise(0, plan.runs)
         self._magnets = lru_cache(maxsize=None)(self._magnet)
 

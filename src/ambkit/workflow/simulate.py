@@ -24,7 +24,7 @@ from ambkit.data.signals import signal
 from ambkit.estimate.angle import angle_notes
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.named import filter_of
-from ambkit.estimate.registry import default_filter
+from ambkit.estimate.registry import default_filter, default_name
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.contact import contact_notes
@@ -157,7 +157,9 @@ def simulate_with_filter(
     **settings: Any,
 ) -> Run:  # fmt: skip
     """Simulate a machine with a filter, and judge whether that is adequate."""
-    named = filter is not None and filter != NONE
+    if filter is None:
+        filter = default_name(machine)
+    named = filter != NONE
     settings |= _of_signals(signals)
     full_scenario = scenario_for(machine, scenario, from_estimate=named, **settings)
     if not named and full_scenario.feedback == "estimate":

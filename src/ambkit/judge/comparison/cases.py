@@ -70,12 +70,14 @@ class Case:
     correlation: float = 0.0  #: Correlation time of the sensor noise in samples; 0: white.
     #: Intensity of the disturbance's random walk, as a factor on the filters' assumption; 0: none.
     walks: float = 0.0
+    #: Which of unbalance and runout the filters estimate; a random walk goes without the others.
+    synchronous: tuple[str, ...] = ()
     #: Measured or computed force map of the plant, which only learned maps include. Without it, the
     #: described magnet.
     magnet: ForceSurface | None = None
     plant: Any = None  #: The user's plant, a class or ``file.py:Class``.
 
-    def growth(self, machine: Machine) -> Any:
+    def process_noise(self, machine: Machine) -> Any:
         """Return the intensity of the disturbance's random walk, of each axis [N^2/s]."""
         own = KalmanFilter(machine).variances.disturbance
         if isinstance(own, tuple):
@@ -136,8 +138,8 @@ def iterate_trials(case: Case, machine: Machine, runs: int, seed: int) -> Iterat
         scenario = scenario.model_copy(update=own)
         external_inputs, walk = _beside(case, plant, scenario), None
         if case.walks:  # acts as its mean over the sample
-            growth = case.growth(machine) * plant.sampling_time
-            load, walk = random_walk(_streams(scenario)[0], growth, samples(plant, scenario))
+            variance = case.process_noise(machine) * plant.sampling_time
+            load, walk = random_walk(_streams(scenario)[0], variance, samples(plant, scenario))
             external_inputs = replace(external_inputs, disturbance=load)
         magnet = fixed if nominal else _magnet(case, plant, machine)
         record = simulate(
@@ -156,8 +158,7 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
             f"simulated for a machine with one axis only; {machine.name} has {len(machine.axes)}"
         )
     if case.walks:  # the filters' model is exact
-        sensors = [sensor.model_copy(update={"runout": ()}) for sensor in machine.sensors]
-        machine = machine.replace(unbalance=[], sensor=sensors)
+        machine = _rotating(machine, case.synchronous)
     known, T = KalmanFilter(machine), machine.sampling_time
     names = [axis.name for axis in machine.axes]
     certain = case.spread == CERTAIN and case.magnet_constant == 1.0
@@ -175,7 +176,8 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
         if case.walks:
             t = T * np.arange(max(2, round(duration / T) + 1))
             rng = np.random.default_rng([1000 * seed + run, 3])
-            for name, intensity in zip(names, np.atleast_1d(case.growth(machine)), strict=True):
+            intensities = np.atleast_1d(case.process_noise(machine))
+            for name, intensity in zip(names, intensities, strict=True):
                 mean, walks[name] = random_walk(rng, intensity * T, len(t))
                 loads[name] = Recorded.of(t, mean)
         scenario = Scenario.model_construct(
@@ -191,6 +193,16 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
         truth = {signal("f_d", name): walk for name, walk in walks.items()}
         record = replace(record, signals={**record.signals, **truth})
         yield Trial(plant, scenario, external_inputs, None, record)
+
+
+def _rotating(machine: Machine, synchronous: tuple[str, ...]) -> Machine:
+    """Return a machine without the unbalance and the runout that filters do not estimate."""
+    if "unbalance" not in synchronous:
+        machine = machine.replace(unbalance=[])
+    if "runout" not in synchronous:
+        sensors = [sensor.model_copy(update={"runout": ()}) for sensor in machine.sensors]
+        machine = machine.replace(sensor=sensors)
+    return machine
 
 
 @lru_cache(maxsize=4)

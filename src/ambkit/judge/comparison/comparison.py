@@ -143,7 +143,7 @@ def _limit(machine: Machine, case: Case, valid: Sequence[Trial], first: int) -> 
     if not case.walks:
         return {}
     model, view = KalmanFilter(machine), View(machine)
-    variances = model.variances._replace(disturbance=case.growth(machine))
+    variances = model.variances._replace(disturbance=case.process_noise(machine))
     records = [trial.record for trial in valid[:BOUND_RUNS]]
     rows = np.concatenate(rows_along(model.states, view))
     names = [name for name in SIGNALS for _ in view.isolated]

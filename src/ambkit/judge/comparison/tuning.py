@@ -18,7 +18,7 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.machine_model import View
 from ambkit.estimate.named import FromFile, factories
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.estimate.registry import KINDS, check_named
+from ambkit.estimate.registry import KINDS, PLUS, check_named, get_kind
 from ambkit.estimate.user_filter import OwnEstimator
 from ambkit.judge.comparison.cases import Trial
 from ambkit.judge.comparison.criteria import errors_along
@@ -104,8 +104,9 @@ def expand(text: str) -> list[str]:
 def candidate_of_kind(
     name: str, machine: Machine, magnet: MagnetModel | None = None, *, all_noise: bool = False
 ) -> Candidate:
-    """Return a kind of estimator as a candidate."""
-    kind = KINDS[name]
+    """Return a kind of filter, with its synchronous states, as a candidate."""
+    kind, synchronous = get_kind(name), name.split(PLUS)[1:]
+    fixed = {"synchronous": synchronous} if synchronous else {}
 
     def build(**values: float) -> Any:
         noise: dict[str, Any] = {
@@ -117,7 +118,7 @@ def candidate_of_kind(
                 scale = noise[key] / defaults[f"noise.{key}"]
                 noise[key] = tuple(scale * variance for variance in item)
         rest = {key: value for key, value in values.items() if "noise." not in key}
-        return kind.make(machine, magnet, noise=FilterNoise(**noise), **rest)
+        return kind.make(machine, magnet, noise=FilterNoise(**noise), **rest, **fixed)
 
     free = {t.name: t for t in kind.tunable}
     if not all_noise and {"noise.control", "noise.disturbance"} <= free.keys():

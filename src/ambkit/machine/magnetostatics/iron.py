@@ -112,7 +112,7 @@ class Iron(Part):
             if b[0] > 0:
                 b, h = np.append(0.0, b), np.append(0.0, h)
             return Curve(b, h, self)
-        b = np.linspace(0.0, HIGHEST, 521)
+        b = np.linspace(0.0, max(HIGHEST, self.saturation or 0.0), 521)
         if self.material is not None:
             mu_i, most, c_a, c_b, n = GRADES[self.material]
             x = b / most
