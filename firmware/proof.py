@@ -1,8 +1,8 @@
 """Prove anew what ``proof/README.md`` of an export records: ``python -m firmware.proof all``.
 
 Kinds may be named in place of ``all``. Each is exported in both precisions, alone and with its
-controllers, and its ``proof/prove.sh`` is run; minutes each. What came out is stored, and is the
-table of ``firmware/README.md``.
+controllers, and its ``proof/prove.sh`` is run; minutes each. The result is stored with hashes of
+the C that was proved, and is the table of ``firmware/README.md``.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any
 from ambkit.base import files
 from ambkit.control.control import Control
 from ambkit.estimate.registry import KINDS
-from ambkit.export.c import export_c, proof
+from ambkit.export.c import CExport, export_c, proof
 from ambkit.export.c.c_literals import CPrecision
 from ambkit.machine.magnets import Precision
 from ambkit.simulation.scenario import Scenario
@@ -49,21 +49,26 @@ def tool() -> str | None:
     return f"Frama-C {done.stdout.strip()}"
 
 
-def prove(
+def exported(
     kind: str, precision: CPrecision, folder: Path, control: Control | None = None
-) -> tuple[str, dict[str, int], str]:
-    """Export a kind into `folder`, or a controller that it feeds, and run its script.
-
-    Returns
-    -------
-    tuple
-        What it is stored under; what was left; and all that the script said.
-    """
+) -> CExport:
+    """Export the kind that is proved into `folder`, or a controller that it feeds."""
     of_core: Precision = "float32" if precision == "float" else "float64"
     bearing = measure.bearing_of(kind)
     filter = KINDS[kind].make(bearing, measure.magnets()[kind], precision=of_core)
     scenario = None if control is None else Scenario(controller=control)
-    made = export_c(bearing, filter, folder, prefix="filter", scenario=scenario)
+    return export_c(bearing, filter, folder, prefix="filter", scenario=scenario)
+
+
+def hashes(made: CExport) -> dict[str, str]:
+    """Return hashes of an export's files of the core, and of all that is analysed."""
+    texts = {file: files.read_text(made.folder / file) for file in made.files}
+    core = {file: text for file, text in texts.items() if file.startswith("core/")}
+    return {"core": proof.hashed(core), "text": proof.hashed(texts)}
+
+
+def prove(made: CExport) -> tuple[dict[str, Any], str]:
+    """Run the script of an export; returns what is stored, and all that the script printed."""
     done = subprocess.run(
         ["sh", str(made.folder / "proof" / "prove.sh")], capture_output=True, text=True
     )
@@ -71,7 +76,7 @@ def prove(
     if set(said) != {"finite", "any"}:
         raise RuntimeError(done.stdout + done.stderr)
     left = {"finite": said["finite"][0], "any": said["any"][0], "open": said["any"][1]}
-    return stored_as(kind, precision, control), left, done.stdout
+    return left | hashes(made), done.stdout
 
 
 def stored_as(kind: str, precision: CPrecision, control: Control | None = None) -> str:
@@ -102,7 +107,7 @@ def table() -> str:
     return "\n".join(lines) + "\n"
 
 
-def _in_words(left: dict[str, int]) -> str:
+def _in_words(left: dict[str, Any]) -> str:
     return f"{left['finite']}, {left['any']}, {left['open']}"
 
 
@@ -117,8 +122,9 @@ def main(kinds: list[str]) -> None:
         for precision in PRECISIONS
     ]
     for kind, precision, control in tried:
+        name = stored_as(kind, precision, control)
         with tempfile.TemporaryDirectory() as folder:
-            name, left, said = prove(kind, precision, Path(folder) / "out", control)
+            left, said = prove(exported(kind, precision, Path(folder) / "out", control))
         print(name, said, sep="\n", flush=True)
         stored["filters" if control is None else "controllers"][name] = left
         files.write_text(proof.STORED, json.dumps(stored, indent=2) + "\n")

@@ -1,9 +1,13 @@
 """Proof of an exported filter or controller by Frama-C's Eva, and recorded results.
 
 ``proof/prove.sh`` of an export analyses its C with its constants. Results for the machine of the
-tests are in ``proof.json`` (``python -m firmware.proof``, ``tests/test_proof.py``).
+tests are in ``proof.json``, with hashes of the C that was analysed (``python -m firmware.proof``,
+``tests/test_proof.py``).
 """
 
+import hashlib
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,6 +42,8 @@ class Proof:
     finite: int  #: Remaining alarms, for any finite inputs, and with NaN and infinities too.
     any: int
     open: int  #: Outputs of the second that are not proved to be finite.
+    core: str  #: Hashes of the files of the core, and of all that was analysed.
+    text: str
     tool: str  #: Frama-C's version.
 
     @property
@@ -57,16 +63,32 @@ def stored_as(filter: Estimator, precision: CPrecision, control: Control | None 
     return f"{law}{cost.made_of(filter)}, {precision}"
 
 
-def recorded(
-    filter: Estimator, precision: CPrecision, control: Control | None = None, *, editable: bool
-) -> Proof | None:
-    """Return the recorded proof of an estimator's kind; None if it was not tried."""
-    if not filter.engine.built_in or editable:
+_IGNORED = re.compile(
+    r"/\*(?!@).*?\*/|^#[ !][^\n]*|(?<=\bamb_)[fd][0-9a-f]{6}_|(?<=\bAMB_CORE_)[FD][0-9A-F]{6}\b",
+    re.DOTALL | re.MULTILINE,
+)
+"""What does not change a proof: comments, but for those to the prover, and the tag of the core."""
+
+
+def hashed(files: Mapping[str, str]) -> str:
+    """Return a hash of the C and the script that Eva analyses, of the files of an export."""
+    digest = hashlib.sha256()
+    for name, text in sorted(files.items()):
+        other = name.startswith("selftest/") or name.endswith("/precision.h")  # renames the core
+        if name.endswith((".c", ".h", ".sh")) and not other:
+            digest.update(" ".join([name, *_IGNORED.sub("", text).split()]).encode() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+def recorded(export: Export) -> Proof | None:
+    """Return the recorded proof of an export's kind; None if there is none of this C."""
+    if not export.filter.engine.built_in or export.editable:
         return None
-    stored = cost.stored(STORED)
+    stored, control = cost.stored(STORED), None if export.one is None else export.one.pid
     of = stored["filters" if control is None else "controllers"]
-    result = of.get(stored_as(filter, precision, control))
-    return None if result is None else Proof(**result, tool=stored["tool"])
+    result = of.get(stored_as(export.filter, export.precision, control))
+    proof = None if result is None else Proof(**result, tool=stored["tool"])
+    return proof if proof and proof.core == hashed(export.core_files) else None
 
 
 def outputs(states: list[str], export: Export) -> list[str]:
@@ -88,7 +110,7 @@ def outputs(states: list[str], export: Export) -> list[str]:
 
 def context(export: Export, context: dict[str, Any]) -> dict[str, Any]:
     """Return the template variables of the proof."""
-    filter, one = export.filter, export.one
+    filter = export.filter
     sources = [text for name, text in export.core_files.items() if name.endswith(".c")]
     uses = {
         called: any(f"{called}(" in text for text in sources)
@@ -103,10 +125,7 @@ def context(export: Export, context: dict[str, Any]) -> dict[str, Any]:
     return {
         "outputs": outputs([state.field for state in context["states"]], export),
         "options": OPTIONS.format(tag=context["tag"], others=others) + by_model + by_contract,
-        "recorded": recorded(
-            filter, export.precision, None if one is None else one.pid,
-            editable=export.editable,
-        ),
+        "recorded": recorded(export),
         "uses_exponential": uses["amb_exp_negative"],
         "uses_root": uses["amb_root"],
     }  # fmt: skip
