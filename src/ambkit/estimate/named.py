@@ -15,7 +15,15 @@ from ambkit.base.quantity_arguments import names_in, of_type
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_file import FilterFile, filter_file_for, magnet_in
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.estimate.registry import AT, FILTER_SUFFIX, KINDS, PLUS, check_named, learned_magnet
+from ambkit.estimate.registry import (
+    AT,
+    FILTER_SUFFIX,
+    KINDS,
+    PLUS,
+    check_named,
+    default_name,
+    learned_magnet,
+)
 from ambkit.estimate.user_filter import OwnEstimator, is_own, own_factory
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine.axes import force_laws, isolated_axes
@@ -124,7 +132,9 @@ class FromObject:
 
 
 def factories(filters: Any, machine: Machine) -> dict[str, Factory]:
-    """Return the builders of filters, from any argument of a verb."""
+    """Return the builders of filters, from any argument of a verb; None: the usual ones."""
+    if filters is None:
+        filters = [default_name(machine, kind) for kind in USUAL]
     if isinstance(filters, Mapping):
         return {name: _factory(name, item, machine) for name, item in filters.items()}
     several = names_in(Estimator, type, filter=filters)

@@ -292,10 +292,10 @@ def get_kind(name: str) -> FilterKind:
     return KINDS[kind]
 
 
-def default_name(machine: Machine) -> str:
-    """Return the default filter, which estimates the unbalance and runout that a machine states."""
+def default_name(machine: Machine, kind: str = DEFAULT) -> str:
+    """Return a kind with the unbalance and runout that a machine states, by default the default."""
     roles = {"unbalance": machine.unbalance, "runout": any(s.runout for s in machine.sensors)}
-    return PLUS.join([DEFAULT, *(role for role in roles if machine.turns and roles[role])])
+    return PLUS.join([kind, *(role for role in roles if machine.turns and roles[role])])
 
 
 def default_filter(machine: Machine) -> Estimator:

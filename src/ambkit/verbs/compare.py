@@ -82,7 +82,7 @@ def compare(
 
 def compare_steps(
     machine: words.Machine,
-    filter: words.Filters = ("linear", "adaptive", "closed-law"),
+    filter: words.Filters | None = None,
     *,
     steps: Sequence[words.Length] | None = None,
     disturbance: words.Force | None = None,
@@ -100,7 +100,8 @@ def compare_steps(
     machine, plant, seeds : optional
         As for `ambkit compare`.
     filter : Estimator, class, str, path, sequence or mapping of them, optional
-        Kind, KIND@FILE with an expert (.json) or force map (.csv), or filter file (.toml).
+        Kind, KIND@FILE with an expert (.json) or force map (.csv), or filter file (.toml). By
+        default as for `ambkit filter`.
     steps : sequence of float or str, optional
         Reference step of the first axis [m]. By default 0.1, 0.3 and 0.5 of the clearance; none
         with a scenario.

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 def filter(
     record: Record,
-    filter: Filters = ("linear", "adaptive", "closed-law"),
+    filter: Filters | None = None,
     *,
     machine: Machine | None = None,
     channels: Channels | None = None,
@@ -34,7 +34,8 @@ def filter(
         Record, or log with a channel map.
     filter : Estimator, class, str, path, sequence or mapping of them, optional
         Kind (linear+unbalance also estimates the unbalance), expert (.json) or force map (.csv) of
-        the adaptive filter, or filter file (.toml), which defines the units of y and u.
+        the adaptive filter, or filter file (.toml), which defines the units of y and u. By default
+        linear, adaptive and closed-law, with the unbalance and runout that the machine states.
     machine : Machine, str or path, optional
         Preset name or TOML file. By default that of the first filter file.
     channels : ChannelMap, str or path, optional

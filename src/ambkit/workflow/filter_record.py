@@ -68,7 +68,7 @@ def filtered(
     several = (
         filters.values()
         if isinstance(filters, Mapping)
-        else names_in(Estimator, type, filter=filters)
+        else names_in(Estimator, type, filter=() if filters is None else filters)
     )
     texts = [os.fspath(item) for item in several if isinstance(item, str | os.PathLike)]
     files = {name: FilterFile.load(name) for name in texts if name.endswith(FILTER_SUFFIX)}
