@@ -19,7 +19,7 @@ from ambkit.simulation.scenario import Scenario
 BEARING, TUM = Machine.preset("zittau_axial"), Machine.preset("tum_mlps")
 OPTIONS = {
     "low-pass": {"position": 900.0, "force": 50.0},
-    "observer": {"bandwidth": 700.0},
+    "observer": {"bandwidth": 700.0, "damping": 0.6},
     "augmented": {"wander": 0.02, "scale_std": 0.3},
     "multiple-model": {"scales": (0.8, 1.0, 1.3), "sojourn": 0.5},
     "unscented": {"alpha": 0.9},

@@ -269,8 +269,8 @@ def test_who_knows_no_noise_says_nothing_of_it(kind):
     estimate = estimator.run(record, covariance=True)
     assert estimate.names == ("x", "v", "f_d", "x_m")
     assert estimate.sensor_noise is None
-    poles = {"bandwidth": estimator.bandwidth} if kind == "observer" else {}  # they follow noise
-    plain = KINDS[kind].make(BEARING, **poles)
+    poles = ("bandwidth", "damping") if kind == "observer" else ()  # they follow noise
+    plain = KINDS[kind].make(BEARING, **{name: getattr(estimator, name) for name in poles})
     np.testing.assert_array_equal(estimate.mean, plain.run(record).mean)
     if kind == "observer":  # what it expects is that of the machine
         assert 0.85 < np.mean(estimate.nis[300:]) < 1.15

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import cmath
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -22,25 +24,14 @@ from ambkit.models.machine_parts import machine_parts
 from ambkit.models.model import Descriptor, Model
 from ambkit.models.parts.line_noise import Hum
 
-FAST_SENSOR = 0.05
-"""Transition of a sensor over a sample below which it counts as one without lag."""
-
-QUICK_SENSOR = 0.5  #: Transition below which its pole is not slowed down for very coarse steps.
-
-WANDER = 0.01
-"""Assumed relative bandwidth of a line with zero width: a constant gain could not track it
-otherwise.
-"""
+WANDER = 0.01  #: Relative bandwidth of a line without one, which a constant gain cannot track.
 
 LEAST_BANDWIDTH = 2.4
-"""Poles with very coarse steps, over the unstable pole: a loop with a slower estimate oscillates
-over tens of steps.
-"""
+"""Of very coarse steps, over the unstable pole: loops with slower estimates oscillate."""
 
 DOUBLINGS = 40  #: Doublings of the steps after which a constant gain has settled.
 
-BANDWIDTHS = tuple(2 ** (n / 4) for n in range(-4, 41))
-"""Candidate observer poles, over the unstable pole: selected is the least stated position error."""
+START = 4.0, 0.5  #: Bandwidth over the unstable pole and damping at which their search begins.
 
 PLACED = ("position", "velocity", "disturbance force", "sensor")
 """Roles of the states with placed poles; currents follow from the controls."""
@@ -58,9 +49,8 @@ class _Observer(Estimator):
     several_axes = False
     steady = "constant"
 
-    def _gain(self, model: LinearModel, states: Sequence[Descriptor], *, coarse: bool) -> Array:
+    def _gain(self, model: LinearModel, states: Sequence[Descriptor]) -> Array:
         """Return the gain (n,) of all states of a model."""
-        # coarse: the estimate is limited to very coarse steps.
         raise NotImplementedError
 
     def _arguments(self, engine: Engine, settings: dict[str, Any]) -> Arguments:
@@ -80,13 +70,13 @@ class _Observer(Estimator):
             units
         )
         R = held_rounding(variance, step, dwell / 4)
-        L = self._gain(small._replace(R=R), full_model.states, coarse=coarse)
+        L = self._gain(small._replace(R=R), full_model.states)
         slow = math.exp(-LEAST_BANDWIDTH * unstable_pole(self.machine) * settings["T"])
         errors = small.A - np.outer(L, small.H @ small.A)
         if coarse and np.abs(np.linalg.eigvals(errors)).max() > slow:
             # The estimate is limited to its step, so its rounding counts as white.
             R = held_rounding(variance, step, 1.0)
-            L = self._gain(small._replace(R=R), full_model.states, coarse=coarse)
+            L = self._gain(small._replace(R=R), full_model.states)
         P, S = _steady(small._replace(R=max(R, small.R)), L)
         most = np.array(self.view.caps(full_model.states)) / units
         error = _largest_error(small, L, most) * units
@@ -101,9 +91,10 @@ class _Observer(Estimator):
 class ExtendedStateObserver(_Observer):
     """Luenberger observer with the disturbance among its states: an extended state observer.
 
-    All poles of the estimation error are at ``exp(-bandwidth T)``, except that of a sensor faster
-    than a third of a sample. Currents that lag the controls follow the model. Coloured and line
-    noise are not among the states, and only included in the covariance.
+    Poles of the estimation error are ``exp(s T)``, ``s`` from ``(s + bandwidth) (s^2 + 2 damping
+    bandwidth s + bandwidth^2) = 0``. The fourth is at ``-bandwidth`` as well, or the sensor's own
+    where that is faster. Currents that lag the controls follow the model. Coloured and line noise
+    are not among the states, and only included in the covariance.
 
     Parameters
     ----------
@@ -113,16 +104,19 @@ class ExtendedStateObserver(_Observer):
         Magnet model; by default the constant stiffnesses at the origin, for which the gain is
         always computed.
     bandwidth : float or str, optional
-        Bandwidth of the estimation error [rad/s]. Default: the minimum of the stated position error
-        for the variances of measurement, control and disturbance; 0.5 to 1000 times the unstable
-        pole.
+        Bandwidth of the estimation error [rad/s]. Default: that of the least stated position error
+        for the variances of measurement, control and disturbance.
+    damping : float, optional
+        Damping ratio of a pair of poles. Default: 1 with a `bandwidth`, which puts all poles in one
+        place (Gao); otherwise that of the least stated position error, near the 0.5 of a
+        Butterworth polynomial.
     **options
         As for :class:`KalmanFilter`.
 
     Raises
     ------
     ValueError
-        The bandwidth is not positive and finite.
+        Bandwidth or damping is not positive and finite.
 
     References
     ----------
@@ -139,33 +133,37 @@ class ExtendedStateObserver(_Observer):
         magnet: MagnetModel | None = None,
         *,
         bandwidth: QuantityLike | None = None,
+        damping: float | None = None,
         **options: Any,
     ) -> None:
         bandwidth = in_si("bandwidth", bandwidth, "rad/s")
-        if bandwidth is not None and not (math.isfinite(bandwidth) and bandwidth > 0):
-            raise ValueError(f"bandwidth must be greater than 0 rad/s, got {bandwidth!r}")
-        self.bandwidth = bandwidth
+        for name, value, unit in (("bandwidth", bandwidth, " rad/s"), ("damping", damping, "")):
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be greater than 0{unit}, got {value!r}")
+        damping = damping if bandwidth is None else damping or 1.0
+        self._given: tuple[Any, Any] = bandwidth, damping
         super().__init__(machine, magnet, **options)
 
-    def _gain(self, model: LinearModel, states: Sequence[Descriptor], *, coarse: bool) -> Array:
+    def _gain(self, model: LinearModel, states: Sequence[Descriptor]) -> Array:
         placed_states = [i for i, state in enumerate(states) if state.role in PLACED]
         A, H = _placed_subsystem(model.A, placed_states), model.H[:, placed_states]
 
-        def gain(bandwidth: float) -> Array:
-            pole = math.exp(-bandwidth * self.machine.sampling_time)
+        def gain(bandwidth: float, damping: float) -> Array:
+            root = cmath.sqrt(damping**2 - 1)
+            s = bandwidth * np.array([root - damping, -root - damping, -1.0, -1.0])
+            poles = np.exp(s * self.machine.sampling_time)
             result = np.zeros(len(states))
-            result[placed_states] = placed(model._replace(A=A, H=H), pole, keep_sensor=coarse)
+            result[placed_states] = placed(model._replace(A=A, H=H), poles)
             return result
 
-        if self.bandwidth is None:
+        bandwidth, damping = self._given
+        if bandwidth is None:
             k = [state.role for state in states].index("position")
-            pole = unstable_pole(self.machine)
-
-            def error(bandwidth: float) -> float:
-                return float(_steady(model, gain(bandwidth))[0][k, k])
-
-            self.bandwidth = min((n * pole for n in BANDWIDTHS), key=error)
-        return gain(self.bandwidth)
+            start = START[0] * unstable_pole(self.machine), damping or START[1]
+            free = 1 if damping else 2
+            bandwidth, damping = _least(lambda *of: _steady(model, gain(*of))[0][k, k], start, free)
+        self.bandwidth, self.damping = bandwidth, damping
+        return gain(bandwidth, damping)
 
 
 class SteadyStateKalmanFilter(_Observer):
@@ -187,7 +185,7 @@ class SteadyStateKalmanFilter(_Observer):
 
     name = "steady-state Kalman filter"
 
-    def _gain(self, model: LinearModel, states: Sequence[Descriptor], *, coarse: bool) -> Array:
+    def _gain(self, model: LinearModel, states: Sequence[Descriptor]) -> Array:
         from scipy.linalg import solve_discrete_are
 
         predicted = solve_discrete_are(model.A.T, model.H.T, model.Q, np.array([[model.R]]))
@@ -228,28 +226,38 @@ def unstable_pole(machine: Machine) -> float:
     )
 
 
-def placed(model: LinearModel, pole: float, *, keep_sensor: bool = False) -> Array:
-    """Return the update gain (4,) that places all poles of ``(I - L H) A`` together."""
-    # A fast sensor's own pole is kept if the estimate is limited to very coarse steps: with gains
-    # that slow it down each limitation would cause a large transient. For the states x, v, f_d,
-    # x_m, by Ackermann's formula (Ackermann 1972) for the pair A, H A. For a sensor lag below a
-    # third of a sample the lagged position is its last measurement: its pole is zero, and the other
-    # three are placed. Slowing it down as well would need gains that let an initial error grow by
-    # three thousand before it decays.
-    A, H = model.A, model.H @ model.A
-    n = 4
-    if A[3, 3] < FAST_SENSOR:
-        A, H, n = A[:3, :3], model.H[:, 3:] @ model.A[3:, :3], 3
-    observability = np.vstack([H @ np.linalg.matrix_power(A, i) for i in range(n)])
-    last = np.eye(n)[:, -1]
-    error = np.linalg.matrix_power(A - pole * np.eye(n), n)
-    if keep_sensor and n == 4 and A[3, 3] < QUICK_SENSOR:
-        error = np.linalg.matrix_power(A - pole * np.eye(n), 3) @ (A - A[3, 3] * np.eye(n))
-    L = np.zeros(4)
-    L[:n] = error @ np.linalg.solve(observability, last)
-    if n == 3:
-        L[3] = 1 / model.H[0, 3]
-    return L
+def placed(model: LinearModel, poles: Array) -> Array:
+    """Return the update gain (4,) that places the poles (4,) of ``(I - L H) A``."""
+    # For the states x, v, f_d, x_m, by Ackermann's formula (Ackermann 1972) for the pair A, H A. A
+    # sensor faster than its pole here keeps its own, and is corrected as the others move it: gains
+    # that slow it down would let an initial error grow by three thousand before it decays.
+    A, H, n, follows = model.A, model.H, 4, np.eye(4)
+    if A[3, 3] < poles[3].real:
+        n, lag = 3, A[3, 3] * np.eye(3)
+        follows = np.vstack([np.eye(3), np.linalg.solve((A[:3, :3] - lag).T, A[3, :3])])
+        A, H = A[:3, :3], H @ follows
+    observability = np.vstack([H @ np.linalg.matrix_power(A, i + 1) for i in range(n)])
+    error = reduce(np.matmul, [A - pole * np.eye(n) for pole in poles[:n]]).real
+    return np.asarray(follows @ error @ np.linalg.solve(observability, np.eye(n)[:, -1]))
+
+
+def _least(cost: Callable[..., float], start: Sequence[float], free: int) -> list[float]:
+    """Return positive parameters, the first of them such that the cost is least."""
+    from scipy.optimize import minimize
+
+    def scaled(logs: Array) -> Array:
+        return start * np.exp(np.pad(logs, (0, len(start) - free)))
+
+    def log_cost(logs: Array) -> float:
+        result = cost(*scaled(logs))
+        return math.log(result) if 0 < result < math.inf else math.inf
+
+    simplex = 0.5 * np.eye(free + 1, free, -1)
+    best = minimize(
+        log_cost, np.zeros(free), method="Nelder-Mead",
+        options={"initial_simplex": simplex, "xatol": 0.01, "fatol": 1e-4},
+    )  # fmt: skip
+    return [float(value) for value in scaled(best.x)]
 
 
 def _largest_error(model: LinearModel, L: Array, start: Array) -> Array:

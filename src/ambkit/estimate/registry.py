@@ -166,17 +166,9 @@ def _constant_velocity(function: str) -> Callable[[Machine], Any]:
     return lambda machine: getattr(import_module(module), function)(machine)
 
 
-def _corner(name: str) -> Callable[[Machine], float]:
-    def value(machine: Machine) -> float:
-        made: Any = KINDS["low-pass"].make(machine)
-        return float(made.corners[name])
-
-    return value
-
-
-def _bandwidth(machine: Machine) -> float:
-    made: Any = KINDS["observer"].make(machine)
-    return float(made.bandwidth)
+def _made(kind: str, value: Callable[[Any], float]) -> Callable[[Machine], float]:
+    """Return a function for a value of a kind as made for a machine."""
+    return lambda machine: value(KINDS[kind].make(machine))
 
 
 KINDS = {
@@ -187,9 +179,9 @@ KINDS = {
             "low_pass.LowPass", CoreKernel("LowPass", has_state=True, base="base."),
             constant_stiffness,
             (
-                Tunable("position", "rad/s", _corner("position")),
-                Tunable("velocity", "rad/s", _corner("velocity")),
-                Tunable("force", "rad/s", _corner("force")),
+                Tunable("position", "rad/s", _made("low-pass", lambda f: f.corners["position"])),
+                Tunable("velocity", "rad/s", _made("low-pass", lambda f: f.corners["velocity"])),
+                Tunable("force", "rad/s", _made("low-pass", lambda f: f.corners["force"])),
             ),
         ),
         FilterKind(
@@ -204,7 +196,8 @@ KINDS = {
         FilterKind(
             "observer", "extended state observer",
             "observer.ExtendedStateObserver", _OBSERVER, constant_stiffness,
-            (Tunable("bandwidth", "rad/s", _bandwidth, decades=1.0),),
+            (Tunable("bandwidth", "rad/s", _made("observer", lambda f: f.bandwidth), decades=1.0),
+             Tunable("damping", "1", _made("observer", lambda f: f.damping), decades=0.5)),
         ),
         FilterKind(
             "linear", "linear Kalman filter", "kalman.KalmanFilter", PAPER, constant_stiffness,
