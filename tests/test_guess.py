@@ -11,6 +11,8 @@ from scipy.signal import lfilter
 import ambkit
 from ambkit.base.errors import RecordError
 from ambkit.data.channel_map import ChannelMap
+from ambkit.data.reading.candidates import Candidate
+from ambkit.data.reading.comparison import feeds
 from ambkit.data.reading.derived_channels import (
     filters_of_others,
     is_filtered,
@@ -389,7 +391,7 @@ def test_instruments_heads_are_read(tmp_path, head):
     ("t,x_est,x_meas,u", "t y xe u", 3000, "y and x_logged: x_meas or x_est"),
     ("t,i_ref,i_meas,pos", "t i u y", 3000, "u and current: i_ref or i_meas"),
     ("t,pos,i_ref,i_meas", "t y u i", 3000, ""),
-    ("t,y,i_cmd,F", "t y u force", 3000, "u: F or i_cmd"),
+    ("t,y,i_cmd,F", "t y u force", 3000, "u: i_cmd or F"),
     ("t,temperature,position", "t y u", 3000, "y: position: named so"),
     ("t,a,b,c", "t y i3 u2", 3000, "u: c or b: it goes with it"),
 ])  # fmt: skip
@@ -546,10 +548,33 @@ def test_a_control_is_no_copy_of_the_position(tmp_path):
     assert "u" not in names_of(guess(tmp_path / "log.csv"))
 
 
-def test_names_stand_in_the_last_comment_that_has_any(tmp_path):
-    lines = ["# Ts: 0.01s", "# Columnas: t y i", "#", "0.00\t1.0\t2.0", "0.01\t1.5\t2.5"]
-    (tmp_path / "log.txt").write_text("\n".join([*lines, "0.02\t1.2\t2.1"]) + "\n")
-    assert names_of(guess(tmp_path / "log.txt")) == {"t": "t", "y": "y", "u": "i"}
+@pytest.mark.parametrize(("above", "row", "wanted"), [
+    (["# Ts: 0.01s", "# Columnas: t y i", "#"], "{}\t{}\t{}", "t y i"),
+    (["% 1: time (s)  2: rotor displacement (um)  3: coil command (A)"], "{} {} {}",
+     "time,rotor displacement,coil command"),
+    (["% t x i", "% s um A"], "{} {} {}", "t x i"),
+    (["Levitator v2"], "ms:{},pos:{},cur:{}", "ms pos cur"),
+    ([], "millis: {}\tgap_mm: {}\tI_mA: {}", "millis gap_mm I_mA"),
+    ([], "T={} Hall={} PWM={}", "T Hall PWM"),
+])  # fmt: skip
+def test_names_of_comments_and_in_each_line_are_read(tmp_path, above, row, wanted):
+    rig = of_a_rig(400)
+    rows = zip(np.arange(400), 1e6 * rig["y"], rig["u"], strict=True)
+    lines = [*above, *(row.format(*(f"{v:.6g}" for v in values)) for values in rows)]
+    (tmp_path / "log.txt").write_text("\n".join(lines) + "\n")
+    names = wanted.split("," if "," in wanted else None)
+    assert names_of(guess(tmp_path / "log.txt")) == dict(zip("tyu", names, strict=True))
+
+
+def test_the_colour_of_the_noise_tells_a_reading_from_its_control():
+    """A controller that is fed with an estimate passes on little of what is fast."""
+    load = ambkit.Scenario(
+        duration=0.6, seed=13, disturbance=ambkit.Sine(amplitude=1, frequency=11)
+    )
+    run = ambkit.simulate(ambkit.preset("zittau_axial"), load).record
+    y, u = (Candidate(name, {}, run[name]) for name in "yu")
+    assert feeds(y, u)
+    assert not feeds(u, y)
 
 
 def test_a_clock_without_jumps_goes_first(tmp_path):

@@ -103,6 +103,7 @@ def number_of(cell: str, decimal: str = ".") -> float | None:
 _EXPONENT = str.maketrans("dD", "ee")  # as in Fortran
 
 
+_NUMBERING = re.compile(r"^\d+ ?[:.)] ?")  #: Of names that are listed.
 COMMENTS = ("#", "%")  #: First character of a comment: NumPy's and MATLAB's.
 
 
@@ -127,7 +128,7 @@ def find(lines: Sequence[str], separators: Sequence[str] = tuple(SEPARATORS)) ->
         # No number at all: a header only.
         separator = max(",;\t|", key=numbered[0][1].count)
         header = split(numbered[0][1], separator)
-        names, units = zip(*map(_label, header), strict=True)
+        names, units = zip(*map(label, header), strict=True)
         line = numbered[0][0]
         return Dialect(separator, ".", names, units, line, line + 1, tuple(range(len(names))))
     result = _header(rows, separator, decimal)
@@ -142,17 +143,22 @@ def _few(rows: Sequence[Any]) -> Sequence[Any]:
 
 def _named_by_a_comment(result: Dialect, lines: Sequence[str]) -> Dialect:
     """Take the names from the comment above the numbers, if they are there (as in NumPy)."""
+    units: tuple[str, ...] = ()
     for n in range(result.body - 1, -1, -1):
-        text = lines[n].lstrip("#% ").rpartition(":")[2].strip()
+        text = lines[n].lstrip("#% ").strip()
         if lines[n][:1] not in COMMENTS or not text:
             continue
-        for separator in (result.separator, *SEPARATORS):
-            cells = split(text, separator)
+        listed = [_NUMBERING.sub("", cell) for cell in re.split(r"\t|\s{2,}", text)]
+        text = text.rpartition(":")[2].strip()
+        for cells in (listed, *(split(text, s) for s in (result.separator, *SEPARATORS))):
             if len(cells) == result.width > 1 and not any(
                 not cell or _is_number(cell, result.decimal) or "=" in cell for cell in cells
             ):
-                names, units = zip(*map(_label, cells), strict=True)
-                return result._replace(names=names, units=units, header=n)
+                names, own_units = zip(*map(label, cells), strict=True)
+                if not units and _are_units(cells):  # the names are above them
+                    units, result = tuple(cells), result._replace(names=names, header=n)
+                    break
+                return result._replace(names=names, units=units or own_units, header=n)
     return result
 
 
@@ -222,10 +228,10 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
     not_times = [cell for k, cell in enumerate(rows[last][1]) if k not in stamps]  # hh:mm:ss
     if above == last or not _are_units(not_times):
         header = last
-        names, units = zip(*map(_label, rows[header][1]), strict=True)
+        names, units = zip(*map(label, rows[header][1]), strict=True)
     else:
         header = above
-        names = tuple(_label(cell)[0] for cell in rows[header][1])
+        names = tuple(label(cell)[0] for cell in rows[header][1])
         cells = rows[last][1]
         units = (None,) * width if set(cells) <= {"-", ""} else tuple(map(_bare, cells))
     # A damaged line right below the header belongs to the numbers, so that it is reported.
@@ -234,11 +240,11 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
     return Dialect(separator, decimal, names, units, place, body, places, closed, stamps, header)
 
 
-def _label(label: str) -> tuple[str, str | None]:
+def label(text: str) -> tuple[str, str | None]:
     """Split ``"y [mm]"`` into the name and the unit, None without one."""
-    label = one_line(label)
-    match = _LABEL.fullmatch(label)
-    return (match[1], match[2]) if match else (label, None)
+    text = one_line(text)
+    match = _LABEL.fullmatch(text)
+    return (match[1], match[2]) if match else (text, None)
 
 
 def _are_units(row: Sequence[str]) -> bool:

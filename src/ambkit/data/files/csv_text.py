@@ -42,6 +42,7 @@ _NOTES = re.compile(r'(.+),"# (\{.*\})"')
 _COMMENTS_AT_END = re.compile(r"(?:\n+[#%].*)+\n*\Z")
 _UNEVEN_LINE_ENDS = re.compile(r"\r\n?")
 _MINUS = re.compile("\N{MINUS SIGN}(?=[\\d.,])")  # as printed by some programs
+_LABEL = re.compile(r"(?:^|(?<=[,;|\s]))([^\W\d][^,;|:=\t]*?)[ \t]*[:=][ \t]*(?=[-+.\d])")
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[.,' \u00a0\u202f]\d{3})+(?:[.,]\d*)?")
 _EITHER_DECIMAL = re.compile(r"[+-]?\d*[.,]\d+(?:[eE][+-]?\d+)?")
 
@@ -141,11 +142,15 @@ def parse(
     text = _MINUS.sub("-", text) if "\N{MINUS SIGN}" in text else text
     text, known = _without_notes(text)
     text = _COMMENTS_AT_END.sub("\n", text)
+    text, labels = _without_labels(text)
     _check_quotes(text, name)
     head = text[: _end_of_line(text, csv_dialect.LOOKED_AT)].split("\n")
     dialect = csv_dialect.find(head, separators)
     if dialect is None:
         raise RecordError(f"{name}: has no header and no samples; is the file cut short?")
+    if len(labels) == dialect.width:
+        names_, units = zip(*map(csv_dialect.label, labels), strict=True)
+        dialect = dialect._replace(names=names_, units=units)
     notes = filter(None, map(_NOTE.fullmatch, head[: dialect.body]))
     meta = known | {note[1]: noted(note[2]) for note in notes}
     names = _names(dialect)
@@ -217,6 +222,20 @@ def _without_notes(text: str) -> tuple[str, dict[str, Any]]:
         return match[1] + end + rest, dict(json.loads(match[2].replace('""', '"')))
     except (ValueError, RecursionError):  # a column with such a name
         return text, {}
+
+
+def _without_labels(text: str) -> tuple[str, list[str]]:
+    """Return lines such as ``pos:1.2,cur:3`` of a microcontroller without labels, and these."""
+    lines = text.split("\n", 30)[:-1]
+    labels: list[str] = _LABEL.findall(lines[-1]) if lines else []
+    if len({*labels}) < max(2, len(labels)) or _LABEL.match(lines[-1]) is None:
+        return text, []
+    # What is above the numbers becomes a comment.
+    count = next(n for n, line in enumerate(lines) if _LABEL.findall(line) == labels)
+    *above, rest = text.split("\n", count)
+    of_data = re.compile(rf"^{re.escape(labels[0])}[ \t]*[:=].*$", re.MULTILINE)
+    rest = of_data.sub(lambda line: _LABEL.sub("", line[0]), rest)
+    return "\n".join([*(f"# {line}" for line in above), rest]), labels
 
 
 def _check_quotes(text: str, name: str) -> None:

@@ -9,14 +9,13 @@ from ambkit.data.reading.comparison import (
     PASSED,
     RAWER,
     Beside,
-    amplifies,
     answers,
+    feeds,
     goes_with,
     is_control,
     leads,
 )
 from ambkit.data.reading.position_search import Rotor
-from ambkit.data.reading.signal_roles import OWN, named, own_part
 
 BARELY = 2.0  #: Ratio by which the control of another axis has less of the position's noise.
 
@@ -42,8 +41,7 @@ def ambiguities(
         return
     rest = [c for c in alike if c not in chosen.values()]
     yield from (("u", (u, c), why) for c, why in _controls(u, y, rest))
-    passes_on = answers(y, u) > max(PASSED, OWN * answers(u, y))
-    if moves is None and not (passes_on and amplifies(u, y)):
+    if moves is None and not feeds(y, u):
         yield "y and u", (y, u), "named so, but the motion confirms neither"
     if current is not None and (leads(current, u) or not goes_with(current, u)):
         what = "leads" if leads(current, u) else "goes its own way"
@@ -76,7 +74,3 @@ def _controls(
     for c in rivals:
         if answers(y, c) > max(PASSED, own / BARELY):
             yield c, f"it has as much of the noise of {y.label}"
-    axis = own_part(y, [y, *named(alike, "y")])
-    called = [c for c in rivals if axis and axis in own_part(c, [u, *rivals])]
-    if called and axis not in own_part(u, [u, *rivals]):
-        yield called[0], f"it is named like {y.label}"

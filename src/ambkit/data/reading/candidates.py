@@ -91,7 +91,7 @@ def _stamps(log: Log, key: str) -> Iterator[Candidate]:
 
 _UNITS = (
     r"[mµuμn]?m[/_]s|mps|(?:\d+(?:[.,p]\d+)? ?)?(?:[mµuμn]?m|[mµuμn]?s|mils?)|"
-    r"mA|A|mV|V|%|rpm|мкм|мм|м|мкс|мс|с|А|мА|В"
+    r"mA|A|mV|V|%|rpm|counts?|lsb|мкм|мм|м|мкс|мс|с|А|мА|В"
 )
 _UNIT_AT_END = re.compile(
     rf"(?P<name>.*?)(?:(?P<sign> in |, ?| */ ?|_+|_in_|\.| +|(?<=[\u3000-\u9fff]))"
@@ -99,7 +99,6 @@ _UNIT_AT_END = re.compile(
     r"|(?<=[a-z])(?P<camel>Um|Mm|Nm|Ms|Us|Ma)"
     r"|(?<=[A-Z\d])[ _](?P<capitals>MILS?|UM|MM|MS|US))"
 )
-LENGTH_AT_END = re.compile(r"[ _/](?:[µunm]m|mils?)$")
 _UNIT_IN_BRACKETS = re.compile(rf"(.*?) ?[\[(] ?({_UNITS}) ?[\])](.*)")
 _SEVERAL = re.compile(r"(\d+)(?:[.,p](\d+))? ?([^\W\d]\D*)")  #: Of a fieldbus: 100ns, 0.1um, 0p1um.
 _IN_WORDS = {"mps": "m/s", "amps": "A", "amp": "A", "amperes": "A", "volts": "V", "s": "s",
@@ -114,12 +113,11 @@ _HOLDERS = re.compile(r"values?|data|signals?|\d*|(?:out|in)\d*|yout|logsout|sim
 """Parts of a name that say nothing, as of a structure that Simulink saves."""
 
 
-def role_from_name(candidate: Candidate, in_amperes: bool = False) -> None:
-    """Read role and unit from the name, whose last A may be amperes, or a plane."""
-    if candidate.role or any(isinstance(place, int) for place in candidate.where.values()):
+def role_from_name(candidate: Candidate) -> None:
+    """Read role and unit from the name."""
+    if candidate.role:
         return
-    label = _without_unit(candidate, in_amperes)
-    label = _own_part(label)
+    label = _own_part(_without_unit(candidate))
     named = role_of(label)
     role, candidate.estimated = named.role, named.estimated
     candidate.called = role
@@ -147,7 +145,7 @@ def role_from_name(candidate: Candidate, in_amperes: bool = False) -> None:
         candidate.why.append(BY_UNIT)
 
 
-def _without_unit(candidate: Candidate, in_amperes: bool) -> str:
+def _without_unit(candidate: Candidate) -> str:
     """Return the name without the unit that it ends with or has in brackets; keep that unit."""
     label, name, unit = candidate.label, candidate.label, candidate.unit
     if not unit and (inside := _UNIT_IN_BRACKETS.fullmatch(label)):
@@ -158,7 +156,7 @@ def _without_unit(candidate: Candidate, in_amperes: bool) -> str:
         bare, place = role_of(name), (at_end["sign"] or "").isspace()
         # x_A is in the plane A, and in no amperes.
         if (len(unit) == 1 and place and bare.role not in _OF_LETTERS.get(unit, "")) or (
-            unit == "A" and not place and bare.of_what and not in_amperes
+            unit == "A" and not place and bare.of_what
             and (bare.role == "y" or (bare.role == "r" and bare.weak))
         ):  # fmt: skip
             return label
@@ -202,6 +200,6 @@ def forget_unit(candidate: Candidate) -> None:
 
 def _own_part(label: str) -> str:
     """Return the last part of a full name that says something: ``pos`` of ``pos.values``."""
-    parts = [re.sub(r"\[\d+\]$", "", part) for part in re.split(r"/|\.(?! |$)", label)]
+    parts = [re.sub(r"\[\d+\]$|\"", "", part) for part in re.split(r"/|\.(?! |$)", label)]
     own_parts = [part for part in parts if not _HOLDERS.fullmatch(part.lower())]
     return (own_parts or parts)[-1]

@@ -14,14 +14,13 @@ from numpy.lib.stride_tricks import sliding_window_view
 from ambkit.base.arrays import interpolated
 from ambkit.data.reading.candidates import Candidate
 from ambkit.data.reading.channel_statistics import LOOKED_AT, correlation, is_few, seen, slow
-from ambkit.data.reading.derived_channels import LEAST_SAMPLES, is_filtered
+from ambkit.data.reading.derived_channels import LEAST_SAMPLES, WHITE, colour, is_filtered
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.position_search import RELATED
 
 GOES_WITH = 0.3  #: Correlation that a name needs.
 FOLLOWS = 0.7  #: Correlation that speaks without a name.
 SETTLES = 2.0  #: Slope, over 1, of a position on a stepped reference.
-ONE_SIZE = 5.0  #: Ratio of their sizes within which two axes of an orbit are.
 RAWER = 0.8  #: Noise of an estimate over that of its original, at most.
 CLEAN = 0.1  #: The same of a reference, at their sizes.
 SMOOTH = 1e-4  #: Noise of a reference over its size, at most.
@@ -77,11 +76,6 @@ class Beside:
         """Whether it goes as the rate; a current damps the motion and goes against it."""
         return abs(self.likeness) < RELATED and self.rate > FOLLOWS
 
-    @property
-    def in_one_unit(self) -> bool:
-        """Whether both may be axes of an orbit, of which each goes as the rate of the other."""
-        return 1 / ONE_SIZE < self.scale < ONE_SIZE
-
 
 def rate_likeness(c: Candidate, y: Candidate) -> float:
     """Return how much a channel goes with the change of a position, by sample or slowly."""
@@ -128,6 +122,16 @@ def is_control(u: Candidate, y: Candidate) -> bool:
     if share < PASSED or rate_likeness(u, y) > FOLLOWS:
         return False
     return amplifies(u, y) or (not goes_with(u, y) and answers(y, u, 1) < AT_ONCE * share)
+
+
+def feeds(y: Candidate, u: Candidate) -> bool:
+    """Whether a control is made of a position: by what is fast, or the sensor's white noise."""
+    if answers(y, u) < PASSED:
+        return False
+    colour_of_y, colour_of_u = (abs(colour(interpolated(c.values))) for c in (y, u))
+    return colour_of_y < min(WHITE, colour_of_u / 2) or (
+        amplifies(u, y) and not colour_of_u < min(WHITE, colour_of_y / 2)
+    )
 
 
 def amplifies(u: Candidate, y: Candidate) -> bool:

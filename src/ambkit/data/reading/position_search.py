@@ -274,7 +274,8 @@ def _has_most_noise(members: Sequence[int], unit: Array, listed: Sequence[Band])
     gain = gains(listed, members[0])
     hiss = [noise(unit[k]) / abs(gain[k]) for k in members]
     others = [item for item in hiss[1:] if item > NO_NOISE]
-    return not others or (hiss[0] > CLEARLY * max(others) and derived.is_white(unit[members[0]]))
+    is_white = abs(derived.colour(unit[members[0]])) < derived.WHITE
+    return not others or (hiss[0] > CLEARLY * max(others) and is_white)
 
 
 def _is_ambiguous(

@@ -13,7 +13,7 @@ from ambkit.base.escaping import one_line
 from ambkit.data.files.tables import read_log
 from ambkit.data.reading.candidates import Candidate, candidates
 from ambkit.data.reading.channel_map_text import toml_lines
-from ambkit.data.reading.channel_statistics import correlation, seen
+from ambkit.data.reading.channel_statistics import seen
 from ambkit.data.reading.choice import ProposedMap
 from ambkit.data.reading.plausibility import standstill
 from ambkit.data.reading.signal_roles import find_roles
@@ -21,7 +21,6 @@ from ambkit.data.reading.signal_roles import find_roles
 FEW = 10  #: Values up to which a channel is a set point or a status, which lies nowhere.
 COARSE = 64  #: Values up to which the steps of a converter hide the acceleration.
 UNEVEN = 0.1  #: Share of steps, and their deviation, by which a clock is uneven.
-RATE = 0.7  #: Correlation with a channel's difference from which on another one is its rate.
 
 
 def guess(path: str | os.PathLike[str], progress: Callable[[str], object] = lambda _: None) -> str:
@@ -67,10 +66,7 @@ def _refusal(path: str, results: list[Candidate]) -> str:
     """Say why nothing is guessed, and what helps."""
     moving = [c for c in results if not c.role and np.unique(seen(c.values)).size > FEW]
     lying = {c.label: rests for c in moving if (rests := standstill(seen(c.values)))}
-    rates = {label for label in lying for c in moving if _is_rate_of(label, c, moving)}
-    descriptions = [
-        f"{label} is {lying[label].describe()}" for label in lying if label in rates or not rates
-    ]
+    descriptions = [f"{label} is {rests.describe()}" for label, rests in lying.items()]
     lies = (
         f" ({'; '.join(descriptions[:2])}: is the rotor in contact there?)" if descriptions else ""
     )
@@ -96,10 +92,3 @@ def _obstacles(results: Sequence[Candidate], moving: Sequence[Candidate]) -> Ite
     for c in moving:
         if (count := np.unique(seen(c.values)).size) < COARSE:
             yield f"{c.label} takes {count} values only, too coarse for an acceleration"
-
-
-def _is_rate_of(label: str, rate: Candidate, moving: Sequence[Candidate]) -> bool:
-    """Whether a channel is the difference of the one that is called so."""
-    (place,) = (c for c in moving if c.label == label)
-    alike = rate is not place and rate.values.shape == place.values.shape
-    return alike and abs(correlation(np.diff(place.values), rate.values[1:])) > RATE

@@ -26,7 +26,7 @@ class NamedRole(NamedTuple):
 _QUANTITIES = {
     "t": r"time|\w*zeit\w*|czas|tijd|temps|tiempo|tempo|instant\w*|istante|timestamps?|seconds?|"
          r"secs?|elapsed|clock|millis|micros|\w*uhr|shijian|sj|时间|时刻|時間|時刻|врем\w*",
-    "-": r"err|error|regelabweichung|regelfehler|\w*temp\w*|status|state|mode|flags?|n?rpm|"
+    "-": r"err\w*|regelabweichung|regelfehler|\w*temp\w*|status|state|mode|flags?|n?rpm|"
          r"\w*drehzahl|omega|idx|count\w*|sample\w*|tick|power|leistung|\w*kraft|force|"
          r"druck|phase|phi|angle|winkel|beschl\w*|acc|accel\w*|fehler|fuerza|zhuansu|wendu|"
          r"wucha|pressure|enable\w*|humid\w*|ambient|ошибка|оборот\w*|темп\w*|скоростьвращения|сила|"

@@ -6,13 +6,14 @@ Channels that are named so are held; where they do not move as a rotor does, all
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ambkit.base.arrays import interpolated
 from ambkit.data.reading.candidates import Candidate
-from ambkit.data.reading.channel_statistics import COMPARED, LOOKED_AT, seen
-from ambkit.data.reading.comparison import Beside, is_filter_of, leads
+from ambkit.data.reading.channel_statistics import COMPARED, LOOKED_AT, correlation, seen
+from ambkit.data.reading.comparison import Beside, feeds, goes_with, is_filter_of, leads
 from ambkit.data.reading.derived_channels import same_numbers
 from ambkit.data.reading.position_search import Rotor, in_steps, rotor
 from ambkit.data.signals import si_unit
@@ -60,8 +61,14 @@ def find_rotor(results: list[Candidate]) -> Rotor | None:
                 why = f"it moves with {with_} as a levitated rotor does, in two bands of frequency"
                 y.rivals.append((channels[moves.position], why))
             return None
+        position, mover = channels[moves.position], channels[moves.control]
+        if control is not None and goes_with(control, mover) and feeds(position, control):
+            sign = np.sign(correlation(control.values, mover.values))  # mover follows it
+            moves = replace(moves, control=channels.index(control), gain=sign * moves.gain)
         _rename(channels, moves, y, control)
     if moves is None or si_unit(channels[moves.position].unit or "m") not in ("m", "V", "1"):
+        return None
+    if si_unit(channels[moves.control].unit or "A") not in ("A", "V", "1"):
         return None
     if channels[moves.position].role not in ("", "y"):  # the voltage of a sensor
         _rename(channels, moves, y, control)

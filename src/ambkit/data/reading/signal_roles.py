@@ -17,7 +17,6 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.data.reading.candidates import (
     BY_UNIT,
-    LENGTH_AT_END,
     TEXT,
     Candidate,
     forget_unit,
@@ -53,7 +52,6 @@ def find_roles(results: list[Candidate]) -> Rotor | None:
     results.sort(key=lambda c: c.role == "y" != c.called)  # a unit says less than a name
     _sort_positions(results)
     _check_names(results)
-    _find_commands(results)
     _leave_other_axes(results)
     moves = find_rotor(results)
     _check_names(results)
@@ -73,12 +71,9 @@ def find_roles(results: list[Candidate]) -> Rotor | None:
 
 def _read_names(results: Sequence[Candidate]) -> None:
     """Take the roles that names and units say; a constant has none."""
-    in_amperes = any(LENGTH_AT_END.search(c.label) for c in results)
-    numbered = len(results) > 2 and len({re.sub(r"\d+", "", c.label) for c in results}) == 1
     for c in results:
         c.values = np.where(np.isfinite(c.values), c.values, np.nan)
-        if not numbered or c.unit:  # V1, V2, V3 are no names
-            role_from_name(c, in_amperes)
+        role_from_name(c)
         if c.role == "k":
             c.why.append(marks(c, LARGEST) or "without marks of a turn")
             c.role = "k" if c.why[-1][0] == "t" else "-"
@@ -98,7 +93,7 @@ def position_of(results: Sequence[Candidate]) -> Candidate | None:
 
 
 def _sort_positions(results: Sequence[Candidate]) -> None:
-    """Of channels that are named positions, find estimates, rates and references of others."""
+    """Of channels that are named positions, find estimates and references of others."""
     for c, y in permutations(named(results, "yr")[:COMPARED], 2):
         if c.values.shape != y.values.shape or c.role != "y" or is_few(y.values):
             continue
@@ -112,9 +107,6 @@ def _sort_positions(results: Sequence[Candidate]) -> None:
             c.estimated = is_filter_of(c, y)
             what = "an estimate of it" if c.estimated else "a second sensor"
             c.why.append(f"lies within the noise of {y.label}, with less: {what}")
-        elif y.role == "y" and beside.rate > RELATED and not beside.in_one_unit:
-            c.role, c.estimated = "v", True
-            c.why.append(f"follows the rate of {y.label}")
 
 
 def _check_names(results: Sequence[Candidate]) -> None:
@@ -210,10 +202,7 @@ def _eliminate(results: Sequence[Candidate]) -> None:
     """Find the position or the control by what is left beside the other one."""
     mover, y = next(iter(named(results, "ui")), None), position_of(results)
     left = [c for c in results if not c.role and not c.estimated and not marks(c, SHORT)]
-    volts = [c for c in left if c.why and c.why[-1] == BY_UNIT and c.unit.endswith("V")]
-    if mover is None and volts:
-        volts[0].role = "u"
-    elif mover is None and y is not None:
+    if mover is None and y is not None:
         left += [c for c in named(results, "y") if c.weak and c is not y]  # x_drive
         _take(y, left, "u")
     elif mover is not None and y is None:
@@ -248,12 +237,6 @@ def _find_stage(results: list[Candidate]) -> None:
         return
     command, current = slow(u.values), slow(i.values)
     likeness = correlation(command, current)
-    y = position_of(results)
-    if u.role and abs(likeness) < GOES_WITH:
-        less = i if y is None or y.values.shape != i.values.shape else min(
-            (i, u), key=lambda c: answers(y, c))  # fmt: skip
-        less.role = "-"
-        less.why.append(f"does not go with {(u if less is i else i).label}")
     if u.drives or u.unit == "A" or not likeness > GOES_WITH:
         return
     u.drives = likeness > FOLLOWS and not in_one_unit(u, i)
@@ -290,7 +273,7 @@ def _beside(c: Candidate, y: Candidate) -> None:
     if (not is_position or c.why[-1] == BY_UNIT) and beside.is_reference:
         c.role = "r"
         c.why.append(f"follows, or leads, {y.label} without its noise")
-    elif beside.is_rate and (not is_position or beside.rate > RELATED):
+    elif beside.is_rate and not is_position:
         c.role, c.estimated = "v", True
         c.why.append(f"follows the rate of {y.label} (correlation {beside.rate:.2f})")
     elif not is_position and beside.is_near and beside.noise * RAWER < 1:
@@ -318,11 +301,6 @@ def _find_time(results: list[Candidate]) -> None:
             candidate.why.append(f"{'' if text else 'named like a time, but '}does not rise")
     if any(candidate.role == "t" for candidate in results):
         return
-    for candidate in results:
-        if candidate.role in ("u", "i") and _rises(candidate.values, evenly=True):
-            candidate.role = "t"
-            candidate.why.append("rises evenly")
-            return
     free = [c for c in results if c.role in ("", "-") or c.weak]  # X_Value is a time
     free = [c for c in free if not c.unit]
     for counter in [c for c in free if (np.diff(c.values) == 1).all()]:
