@@ -14,7 +14,7 @@ from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.identified import identified_filter
-from ambkit.workflow.identify import identify
+from ambkit.workflow.identify import identify, starting_model
 
 MACHINE = Machine.preset("tum_mlps")  # rotates; each bearing has a sensor to either side
 AXIS = "A1"
@@ -49,6 +49,7 @@ def test_the_other_axes_bias_nothing(record):
     assert error < 0.04 * k
     assert abs(k - true.magnet.magnet_constant) < 3 * error
     assert found.isolated.name == AXIS
+    assert any("errors in the description of the other bearings" in note for note in found.notes)
     assert [axis.name for axis in found.machine.axes] == [axis.name for axis in MACHINE.axes]
     assert found.machine.isolated_axis(AXIS).magnet.magnet_constant == pytest.approx(k, rel=1e-12)
     assert identified_filter(found).machine.isolated_axis(
@@ -84,6 +85,17 @@ def test_the_command(record, call, tmp_path):
     assert "# Of the axis A1: magnet_constant = " in (tmp_path / "found.toml").read_text()
     found = Machine.load("found.toml").isolated_axis("A1").magnet.magnet_constant
     assert found == pytest.approx(MACHINE.isolated_axis("A1").magnet.magnet_constant, rel=0.05)
+
+
+def test_the_control_noise_of_other_bearings_is_that_of_a_step_too():
+    """Their noise was a quarter: in each of four steps of a sample that of the sample."""
+    noisy = MACHINE.isolated_axis("B1").replace(amplifier__noise_variance=0.01)
+    machine = with_axis(MACHINE, "B1", noisy)
+    run = ambkit.simulate(machine, Scenario(duration=0.03, seed=1)).record
+    start = starting_model(machine, AXIS)
+    models = [start.replace(substeps=steps) for steps in (1, 4)]
+    coarse, fine = (one.innovations(start.record(run))[1][-1] for one in models)
+    assert fine == pytest.approx(coarse, rel=1e-3)
 
 
 def test_an_axis_is_a_machine_of_its_own():

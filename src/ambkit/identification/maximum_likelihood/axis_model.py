@@ -24,6 +24,7 @@ from ambkit.identification.dead_time import acting
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.machine import geometry
 from ambkit.machine.axes import reading_along, weights_of, with_axis
+from ambkit.machine.components import BearingAt
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, magnet_of
 
@@ -33,6 +34,9 @@ class AxisModel(LoopModel):
     """An axis with free parameters, among others as described."""
 
     described = MappingProxyType({"mass": "all axes move one rotor, whose mass is described"})
+    taken_as_known = (
+        "the standard errors do not include errors in the description of the other bearings",
+    )
 
     machine: Machine
     axis: str
@@ -48,12 +52,23 @@ class AxisModel(LoopModel):
 
     def _filter(self, finer: Machine, _magnet: MagnetModel) -> Estimator:
         machine = with_axis(self.machine, self.axis, finer)
+        bearings = tuple(
+            after if after is not before else self._finer(before)
+            for before, after in zip(self.machine.bearings, machine.bearings, strict=True)
+        )
+        machine = machine.model_copy(update={"bearings": bearings})
         return ExtendedKalmanFilter(
             machine,
             noise=FilterNoise(disturbance=self.disturbance_noise),
             outlier_limit=0,
             synchronous=("unbalance",) if machine.turns else (),
         )
+
+    def _finer(self, bearing: BearingAt) -> BearingAt:
+        """Return another bearing with the control noise of a step, as `LoopModel.kalman` does."""
+        amplifier = bearing.amplifier
+        noise = {"noise_variance": self.substeps * amplifier.noise_variance}
+        return bearing.model_copy(update={"amplifier": amplifier.model_copy(update=noise)})
 
     def run(
         self, record: Record, kalman: Estimator | None = None

@@ -80,7 +80,7 @@ def maximum_likelihood(
     data = Data(several, own_time(model.isolated) if settling is None else settling)
     _check_records(data, model)
     search = _Search(data, model, note)
-    search.remarks += [spikes] if spikes else []
+    search.remarks += [*([spikes] if spikes else []), *model.taken_as_known]
     search.prepare(parameters, use_control=use_control)
     begin, started_from = search.begin(parameters, improve_start=improve_start)
     held = {

@@ -35,6 +35,7 @@ class LoopModel:
 
     #: Parameters that its records cannot determine, with reasons.
     described: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    taken_as_known: ClassVar[Sequence[str]] = ()  #: What no standard error includes, in sentences.
 
     isolated: Machine  #: Magnet, rotor, amplifier and sensor.
     #: Time from a logged control signal to its effect in the logged position [s], of the complete
@@ -373,8 +374,7 @@ def innovations(filters: Sequence[Filter], record: Record) -> list[Innovations]:
     owner = {id(kalman): model for model, kalman in filters}  # one filter cannot run twice at once
     own = [kalman if owner[id(kalman)] is model else None for model, kalman in filters]
     with ThreadPoolExecutor(processors()) as pool:  # the core runs without Python's lock
-        run = pool.map(lambda one, kalman: one[0].innovations(record, kalman), filters, own)
-        return list(run)
+        return list(pool.map(lambda one, kalman: one[0].innovations(record, kalman), filters, own))
 
 
 def _side_by_side(filters: Sequence[Filter], record: Record) -> Iterator[Innovations]:
