@@ -89,8 +89,6 @@ class Data:
 
     records: Sequence[Record]
     settling: float  #: Initial time of each record that does not count [s].
-    #: (n,) What a structure outside the model adds to the innovations of all records [m].
-    moved: Array | float = 0.0
 
     def likelihood(self, model: LoopModel, parameters: Sequence[Parameter]) -> Likelihood:
         """Return the likelihood in the coordinates around a model."""
@@ -136,11 +134,10 @@ class Likelihood:
             parts.append(innovations(filters, record))
             for _, _, used in parts[-1]:
                 used[: max(1, round(self.data.settling / record.sampling_time))] = False
-        results = []
-        for own in zip(*parts, strict=True):
-            e, S, used = (np.concatenate(column) for column in zip(*own, strict=True))
-            results.append((e + self.data.moved, S, used))
-        return results
+        joined = (
+            [np.concatenate(c) for c in zip(*own, strict=True)] for own in zip(*parts, strict=True)
+        )
+        return [(e, S, used) for e, S, used in joined]
 
     def value(self, z: Array) -> float:
         """Return the log likelihood; minus infinity for a contradictory model."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.base.arrays import Array, Bools
+from ambkit.base.arrays import Array
 from ambkit.data.record import Record
 from ambkit.estimate.batch import run_many
 from ambkit.identification.maximum_likelihood.alternatives import (
@@ -42,8 +42,6 @@ class Tests:
     kinds: list[Alternative]
     by_structures: Array  #: (c, n)
     limits: Array  #: (c,)
-    S: Array  #: (n,) Variances of the innovations [m^2].
-    used: Bools  #: Which samples of the records count.
 
 
 def tests_of(model: LoopModel, data: Data, chosen: Sequence[Alternative] | None) -> Tests:
@@ -85,8 +83,6 @@ def tests_of(model: LoopModel, data: Data, chosen: Sequence[Alternative] | None)
         scores=-(by_e * r + 0.5 * by_S * (1 - r**2)),
         information=by_e @ by_e.T + 0.5 * by_S @ by_S.T + known + 1e-9 * np.eye(len(pull)),
         pull=pull,
-        S=S,
-        used=used,
         **_of_all_records(everything),
     )
 

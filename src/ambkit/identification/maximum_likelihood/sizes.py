@@ -17,7 +17,7 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named, usual
 from ambkit.identification.maximum_likelihood.refits import Departure
 from ambkit.identification.maximum_likelihood.score import one_more, sizes_of, tests_of
-from ambkit.identification.maximum_likelihood.search import maximise
+from ambkit.identification.maximum_likelihood.search import Optimum, maximise
 
 REFITS = 6  #: Searches of the parameters with the structures, which determine their sizes.
 STEP = 0.7  #: Share of a step of the sizes, which overshoots.
@@ -35,14 +35,12 @@ def refined(
     departures, chosen = [d for d, _ in selected], [one for _, one in selected]
     if all(d.kind.innocent for d in departures):
         return departures
-    parameters, value = named(usual(model)), data.log_likelihood(model)
+    value = data.log_likelihood(model)
     factors, step = np.zeros(len(chosen)), STEP * np.array([d.size / s.scale for d, s in selected])
     variances = np.zeros(len(chosen))
     for _ in range(REFITS):
         resized, sizes = _resized(chosen, factors + step)
-        optimum = None
-        with suppress(AmbkitError):  # of a size that no filter can follow
-            optimum = maximise(data, _with_structures(model, data, resized, sizes), parameters)
+        optimum = optimum_beside(model, data, resized, sizes)
         if optimum is None or not optimum.value > value:
             step = SHORTER * step
             continue
@@ -77,10 +75,10 @@ def _resized(chosen: Sequence[Alternative], factors: Array) -> tuple[list[Altern
     return changed, np.where(of_signal, 1.0, factors)
 
 
-def _with_structures(
+def optimum_beside(
     model: LoopModel, data: Data, chosen: Sequence[Alternative], factors: Array
-) -> LoopModel:
-    """Return the model with the effects of some structures along all records."""
+) -> Optimum | None:
+    """Return the most likely parameters beside structures; None if no filter follows them."""
     effects: dict[int, tuple[Array, Array]] = {}
     for number, record in enumerate(data.records):
         motion, reading, control = Motion.of(model, record), np.array(0.0), np.array(0.0)
@@ -89,4 +87,6 @@ def _with_structures(
                 of_reading, of_control = one.effect(factor)
                 reading, control = reading + of_reading, control + of_control
         effects[id(record)] = reading, control
-    return model.replace(structures=effects)
+    with suppress(AmbkitError):
+        return maximise(data, model.replace(structures=effects), named(usual(model)))
+    return None

@@ -23,12 +23,13 @@ from ambkit.identification.maximum_likelihood.parameters import named, usual
 from ambkit.identification.maximum_likelihood.refits import Departure, Refits, implausible
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.maximum_likelihood.score import Tests, one_more, sizes_of, tests_of
-from ambkit.identification.maximum_likelihood.search import maximise
-from ambkit.identification.maximum_likelihood.sizes import refined
+from ambkit.identification.maximum_likelihood.search import Optimum, maximise
+from ambkit.identification.maximum_likelihood.sizes import optimum_beside, refined
 from ambkit.result.row import Row, put
 
 MOST = 4  #: Maximum number of named structures.
 FULL = 1.0  #: Maximum size of a relative structure [1].
+SHARES = (1.0, 0.6)  #: Of the sizes by score, which are a third too large, for a likelihood.
 LONGEST = 100_000  #: Maximum number of tested samples, the first of a record.
 
 
@@ -149,17 +150,26 @@ def _select(tests: Tests, model: LoopModel, data: Data) -> list[tuple[Departure,
     result: list[tuple[Departure, Alternative]] = []
     taken: list[int] = []
     refused: list[int] = []
+    value = top = data.log_likelihood(model)
     while len(result) < MOST:
         best, statistic = _best_candidate(tests, model, taken, refused)
         if best < 0:
             return result
+        if not taken and not refused:
+            top = maximise(data, model, named(usual(model))).value
+            missed = top - value
         _, slope, precision = one_more(tests, taken)
         size, one = float(slope[best] / precision[best]), tests.kinds[best]
-        if not one.kind.innocent and not _raises(tests, model, data, [*taken, best]):
+        limit = float(tests.limits[best])
+        # The likelihood has to rise, unless the model is no optimum to compare with.
+        gain = -math.inf if one.kind.innocent or 2 * missed > limit else 0.5 * limit
+        optimum = _beside(tests, model, data, [*taken, best], top + gain)
+        if optimum is None and gain > 0:
             refused.append(best)
             continue
         taken.append(best)
-        size, limit = size * one.scale, float(tests.limits[best])
+        top = top if optimum is None else max(top, optimum.value)
+        size = size * one.scale
         error = abs(size) / math.sqrt(statistic)
         departure = Departure(
             one.kind, one.where, size, statistic, limit, error, one.record, one.begins
@@ -197,19 +207,15 @@ def _best_candidate(
     return best, statistic
 
 
-def _raises(tests: Tests, model: LoopModel, data: Data, taken: Sequence[int]) -> bool:
-    """Whether the likelihood rises with the last of the taken structures as its score promises."""
-    # To second order it must. Where records hardly determine the parameters it need not: there the
-    # other parameters cannot adapt as far as the score lets them.
-    parameters, values = named(usual(model)), []
-    limit = float(tests.limits[taken[-1]])
-    best = maximise(data, model, parameters)
-    if 2 * (best.value - data.log_likelihood(model)) > limit:
-        return True  # the model is no optimum to compare with
-    for among in (taken[:-1], taken):
-        moved = np.zeros(tests.used.size)
-        moved[tests.used] = sizes_of(tests, among) @ tests.by_structures[among] * np.sqrt(tests.S)
-        optimum = maximise(replace(data, moved=moved), model, parameters)
-        model = optimum.model
-        values.append(optimum.value)
-    return 2 * (values[1] - values[0]) > limit
+def _beside(
+    tests: Tests, model: LoopModel, data: Data, taken: Sequence[int], least: float
+) -> Optimum | None:
+    """Return the most likely parameters beside structures, if the likelihood exceeds `least`."""
+    # To second order it does as the score promises. Where records hardly determine the parameters
+    # it need not: there the other parameters cannot adapt as far as the score lets them.
+    sizes = sizes_of(tests, taken)
+    for share in SHARES:
+        optimum = optimum_beside(model, data, [tests.kinds[at] for at in taken], share * sizes)
+        if optimum is not None and optimum.value > least:
+            return optimum
+    return None
