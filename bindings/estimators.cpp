@@ -135,7 +135,8 @@ struct Contact : Estimator {
   amb_contact own{};
   Contact(nb::object magnet, nb::object model, const Places &first, const Places &second,
           const Matrix &numbers, const Matrix &displacement, const Matrix &velocity,
-          const Matrix &later, const Vector &bias, int parts, amb_real scatter, nb::kwargs settings)
+          const Matrix &later, const Matrix &coupling, const Vector &bias, bool brief,
+          amb_real scatter, nb::kwargs settings)
       : Estimator(amb_contact_methods, magnet, model, settings)
   {
     const size_t rings = first.size();
@@ -154,7 +155,11 @@ struct Contact : Estimator {
     rows(own.displacement, displacement, "displacement");
     rows(own.velocity, velocity, "velocity");
     rows(own.later, later, "later");
-    own.parts = parts;
+    same_length(sizes().forces, coupling.shape(0), "coupling");
+    same_length(sizes().forces, coupling.shape(1), "coupling");
+    for (size_t f = 0; f < sizes().forces; f++)
+      std::copy_n(coupling.data() + f * sizes().forces, sizes().forces, own.coupling[f]);
+    own.brief = brief;
     own.scatter_squared = scatter * scatter;
     fill(own.bias, bias, sizes().forces, "bias");
     estimator.own = &own;
@@ -171,7 +176,11 @@ struct Contact : Estimator {
     d["displacement"] = of_axes(own.displacement);
     d["velocity"] = of_axes(own.velocity);
     d["later"] = of_axes(own.later);
-    d["parts"] = own.parts;
+    Fresh<amb_real> coupling({of.forces, of.forces});
+    for (size_t f = 0; f < of.forces; f++)
+      std::copy_n(own.coupling[f], of.forces, coupling.data + f * of.forces);
+    d["coupling"] = nb::cast(coupling.array);
+    d["brief"] = own.brief;
     d["scatter_squared"] = own.scatter_squared;
     d["bias"] = copied(own.bias, of.forces);
     return d;
@@ -337,14 +346,16 @@ void bind_estimators(nb::module_ &m)
                    "curvature: float, **settings: Any) -> None"));
   nb::class_<Contact, Estimator>(m, "Contact", "Extended filter with stops (ambkit/contact.h).")
       .def(nb::init<nb::object, nb::object, const Places &, const Places &, const Matrix &,
-                    const Matrix &, const Matrix &, const Matrix &, const Vector &, int, amb_real,
-                    nb::kwargs>(),
+                    const Matrix &, const Matrix &, const Matrix &, const Matrix &, const Vector &,
+                    bool, amb_real, nb::kwargs>(),
            nb::arg("magnet"), nb::arg("model"), nb::arg("first"), nb::arg("second"),
            nb::arg("numbers"), nb::arg("displacement"), nb::arg("velocity"), nb::arg("later"),
-           nb::arg("bias"), nb::arg("parts"), nb::arg("scatter"), nb::arg("settings"),
+           nb::arg("coupling"), nb::arg("bias"), nb::arg("brief"), nb::arg("scatter"),
+           nb::arg("settings"),
            nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, first: Any, "
-                   "second: Any, numbers: Any, displacement: Any, velocity: Any, later: Any, bias: "
-                   "Any, parts: int, scatter: float, **settings: Any) -> None"))
+                   "second: Any, numbers: Any, displacement: Any, velocity: Any, later: Any, "
+                   "coupling: Any, "
+                   "bias: Any, brief: bool, scatter: float, **settings: Any) -> None"))
       .def("run", &run_supplied, nb::arg("y"), nb::arg("u"), nb::kw_only(),
            nb::arg("covariance") = false, nb::arg("instructions") = nb::none(),
            nb::arg("on") = nb::none(),

@@ -29,10 +29,13 @@ AMB_INLINE amb_status forces_at(const amb_estimator *self, const amb_real mean[A
     F[f] = scale * F[f] + kf->set.f_0[f];
     N[f] = AMB_C(0.0);
   }
+  if (!own->brief) {
+    touch_in_turn(&kf->model, own, mean, F, N);
+  }
   amb_clear(amb_states(&kf->model), later);
   for (int ring = 0; ring < own->rings; ring++) {
     touch_down at;
-    if (own->parts > 1) {
+    if (own->brief) {
       start from;
       if (approach_from(&kf->model, own, ring, mean, F, &at, &from)) {
         const impulse of = impulse_of(own, ring, &from, AMB_C(0.0), AMB_C(0.0));
@@ -41,8 +44,9 @@ AMB_INLINE amb_status forces_at(const amb_estimator *self, const amb_real mean[A
         add_force(&at, N);
         add_later(&kf->model, own, &at, -of.late, later);
       }
-    } else if (touch(&kf->model, own, ring, mean, F, &at)) {
+    } else if (touch_beside(&kf->model, own, ring, mean, F, N, &at)) {
       add_force(&at, N);
+      add_turn(&kf->model, own, &at, later);
     } else {
       at.force = AMB_C(0.0);
     }
@@ -73,31 +77,103 @@ AMB_INLINE void add_curvature(int n, const amb_contact *own, int ring, touch_dow
   at->force += bend * at->force;
 }
 
-/* All resolved contacts, each with w, u and P w. Returns their number. */
-AMB_INLINE int all_contacts(const amb_kalman *kf, const amb_contact *own, const amb_kalman_state *s,
-                            const amb_real F[AMB_FORCES], touch_down at[AMB_FORCES])
+/* Adds to a gradient those of displacement and velocity in a direction, with these factors. */
+AMB_INLINE void add_gradient(int n, const amb_contact *own, const touch_down *at,
+                             const amb_real direction[2], amb_real by_place, amb_real by_rate,
+                             amb_real w[AMB_STATES])
+{
+  for (int a = 0; a < at->axes; a++) {
+    const amb_real *row = own->displacement[at->axis[a]];
+    const amb_real *rate = own->velocity[at->axis[a]];
+    for (int i = 0; i < n; i++) {
+      w[i] += direction[a] * (by_place * row[i] + by_rate * rate[i]);
+    }
+  }
+}
+
+/* Second entry of a ring, the force across the reaction: the reaction turns with the rotor, and the
+ * friction of one that rolls follows its slip. `late`: lateness of both. */
+AMB_INLINE void cross_contact(const amb_kalman *kf, const amb_contact *own, int ring,
+                              const amb_kalman_state *s, touch_down *at, amb_real late[AMB_STATES])
 {
   const int n = amb_states(&kf->model);
+  const touch_down *of = &at[0];
+  const amb_real across[2] = {-of->normal[1], of->normal[0]};
+  const amb_real by_place = (of->force - of->sticks * of->rate) / of->radius;
+  const amb_real rubs = (of->sticks > AMB_C(0.0)) ? own->friction[ring] : AMB_C(0.0);
+  add_gradient(n, own, of, across, of->c * of->across / of->radius, AMB_C(0.0), at[0].w);
+  add_turn(&kf->model, own, of, late);
+  at[1].axes = 2;
+  at[1].axis[0] = of->axis[0];
+  at[1].axis[1] = of->axis[1];
+  at[1].reaction[0] = -of->reaction[1];
+  at[1].reaction[1] = of->reaction[0];
+  at[1].force = AMB_C(0.0);
+  amb_clear(n, at[1].w);
+  amb_clear(n, at[1].u);
+  amb_clear(n, at[1].spread);
+  add_gradient(n, own, of, across, by_place, of->sticks, at[1].w);
+  add_response(&kf->model, 0, &at[1]);
+  add_response(&kf->model, 1, &at[1]);
+  add_spread(n, s->cov, at[1].w, at[1].spread);
+  at[1].variance = times(n, at[1].w, at[1].spread);
+  at[1].extra = own->scatter_squared * (of->turn * of->turn + rubs * rubs) * of->force * of->force;
+}
+
+/* Whether a ring is touched with a probability of 30 % or more; uses w and spread. */
+AMB_INLINE bool may_touch(int n, const amb_contact *own, const amb_kalman_state *s, touch_down *at)
+{
+  const amb_real gap = amb_at_most(at->depth, AMB_C(0.0));
+  add_gradient(n, own, at, at->normal, AMB_C(1.0), AMB_C(0.0), at->w);
+  add_spread(n, s->cov, at->w, at->spread);
+  return (gap * gap) < (AMB_C(0.275) * times(n, at->w, at->spread));
+}
+
+/* All resolved contacts, each with w, u and P w, their lateness, and the flag. Returns how many
+ * entries. */
+AMB_INLINE int all_contacts(const amb_kalman *kf, const amb_contact *own, amb_contact_state *of,
+                            const amb_real F[AMB_FORCES], touch_down at[AMB_RESOLVED],
+                            amb_real late[AMB_STATES])
+{
+  const amb_kalman_state *s = &of->base;
+  bool flagged = false;
+  const int n = amb_states(&kf->model);
   int count = 0;
+  amb_real N[AMB_FORCES];
+  if (amb_forces(&kf->model) > 1) {
+    touch_in_turn(&kf->model, own, s->mean, F, N);
+    amb_clear(n, late);
+  }
   for (int ring = 0; ring < own->rings; ring++) {
     touch_down *now = &at[count];
     amb_clear(n, now->w); /* without contact too: the proof does not follow the count */
     amb_clear(n, now->u);
     amb_clear(n, now->spread);
-    if (touch(&kf->model, own, ring, s->mean, F, now)) {
-      count++;
+    const bool touches = (amb_forces(&kf->model) > 1)
+                             ? touch_beside(&kf->model, own, ring, s->mean, F, N, now)
+                             : touch(&kf->model, own, ring, s->mean, F, now);
+    if (touches) {
+      count += (amb_forces(&kf->model) > 1) ? now->axes : 1;
+      add_gradient(n, own, now, now->normal, now->k, now->c, now->w);
       for (int a = 0; a < now->axes; a++) {
-        const amb_real *row = own->displacement[now->axis[a]];
-        const amb_real *rate = own->velocity[now->axis[a]];
-        for (int i = 0; i < n; i++) {
-          now->w[i] += now->normal[a] * (now->k * row[i] + now->c * rate[i]);
-        }
         add_response(&kf->model, a, now);
+      }
+      if (amb_forces(&kf->model) > 1) {
+        add_force(now, N);
+        if (now->axes > 1) {
+          cross_contact(kf, own, ring, s, now, late);
+        }
       }
       add_spread(n, s->cov, now->w, now->spread);
       add_curvature(n, own, ring, now);
+      flagged = true;
+    } else if (of->flagged && !flagged) {
+      flagged = may_touch(n, own, s, now);
+    } else {
+      /* free */
     }
   }
+  of->flagged = flagged;
   return count;
 }
 
@@ -139,18 +215,23 @@ AMB_INLINE void add_contact_stiffness(const amb_kalman *kf, int count, bool in_p
 
 /* Prediction with the other forces F, which become all forces, and resolved contacts. */
 AMB_INLINE amb_status predict_contacts(const amb_kalman *kf, const amb_contact *own,
-                                       amb_kalman_state *s, amb_real F[AMB_FORCES],
+                                       amb_contact_state *of, amb_real F[AMB_FORCES],
                                        const amb_stiffness k[AMB_FORCES],
                                        const amb_real iu[AMB_CONTROLS], amb_status *status)
 {
-  touch_down at[AMB_FORCES];
-  const int count = all_contacts(kf, own, s, F, at);
-  for (int ring = 0; ring < count; ring++) {
-    *status |= AMB_CONTACT;
-    add_force(&at[ring], F);
+  amb_kalman_state *s = &of->base;
+  touch_down at[AMB_RESOLVED];
+  amb_real late[AMB_STATES];
+  const int count = all_contacts(kf, own, of, F, at, late);
+  *status |= of->flagged ? AMB_CONTACT : AMB_OK;
+  for (int e = 0; e < count; e++) {
+    add_force(&at[e], F);
   }
   const amb_status predicted = amb_step_predict_with(kf, s, F, k, iu);
   if ((predicted == AMB_OK) && (count > 0)) {
+    for (int i = 0; (amb_forces(&kf->model) > 1) && (i < amb_states(&kf->model)); i++) {
+      s->mean[i] += late[i];
+    }
     add_contact_stiffness(kf, count, false, at, k, s->cov);
   }
   return predicted;
@@ -186,6 +267,7 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
 {
   amb_contact_state *s = (amb_contact_state *)state;
   s->deenergised = false;
+  s->flagged = false;
   return amb_kalman_reset(self->kf, &s->base, mean, std);
 }
 
@@ -214,8 +296,8 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
     F[f] += kf->set.f_0[f];
   }
   const amb_status predicted =
-      (own->parts > 1) ? predict_bounces(kf, own, s, F, result->stiffness, iu, &status)
-                       : predict_contacts(kf, own, s, F, result->stiffness, iu, &status);
+      own->brief ? predict_bounces(kf, own, s, F, result->stiffness, iu, &status)
+                 : predict_contacts(kf, own, contact_state, F, result->stiffness, iu, &status);
   status |= amb_step_contain(kf, s);
   return status | predicted;
 }

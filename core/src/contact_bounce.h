@@ -5,6 +5,7 @@
 #include "contact_ring.h"
 
 #define AMB_CONTACTS (2 * AMB_FORCES) /* entries: the force of each ring, and its lateness */
+#define AMB_RESOLVED ((AMB_FORCES > 1) ? AMB_CONTACTS : 1) /* and that across a ring, at most */
 
 /* Motion along the normal at the start of a sample. */
 typedef struct start {
@@ -19,14 +20,15 @@ AMB_INLINE bool approach_from(const amb_model *model, const amb_contact *own, in
                               const amb_real mean[AMB_STATES], const amb_real F[AMB_FORCES],
                               touch_down *at, start *from)
 {
-  if (!approach(model, own, ring, mean, F, AMB_C(0.5) * own->clearance[ring], at)) {
+  if (!approach(model, own, ring, mean, F, at)) {
     return false;
   }
   const int load = amb_first(model, AMB_LOAD);
   from->F = AMB_C(0.0);
   for (int a = 0; a < at->axes; a++) {
     const int axis = at->axis[a];
-    from->F += at->normal[a] * (F[axis] + ((load < 0) ? AMB_C(0.0) : mean[load + axis]));
+    from->F += at->normal[a] * (along(model, own, axis, F) +
+                                ((load < 0) ? AMB_C(0.0) : along(model, own, axis, &mean[load])));
   }
   const amb_real moved = own->compliance[ring] * from->F; /* by F within a sample, times 1/6 */
   from->T = AMB_C(3.0) * own->compliance[ring] / own->mobility[ring];

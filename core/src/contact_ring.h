@@ -14,9 +14,12 @@ typedef struct touch_down {
   int axis[2];
   amb_real normal[2];          /* outward normal [1] ... */
   amb_real reaction[2];        /* ... and the negative reaction to N = 1, friction included [1] */
-  amb_real depth;              /* penetration [m] ... */
+  amb_real radius;             /* mean displacement without N [m] ... */
+  amb_real depth;              /* ... penetration [m] ... */
   amb_real rate;               /* ... its rate ... */
   amb_real across;             /* ... and the velocity across the normal [m/s] */
+  amb_real turn;               /* rotation of the normal over the sample, at most 1 [rad] */
+  amb_real sticks;             /* tangent of the friction by the slip [N s/m]; 0: sliding */
   amb_real elastic;            /* E [N] */
   amb_real force;              /* N [N]; 0: free */
   amb_real k;                  /* tangents of N: by the depth [N/m] ... */
@@ -56,19 +59,25 @@ AMB_INLINE void elastic_force(amb_real stiffness, amb_real compliance, amb_real 
   }
 }
 
-/* Friction of a ring relative to N, against the slip [m/s]. */
-AMB_INLINE amb_real friction(const amb_contact *own, int ring, amb_real force, amb_real slip)
+/* Force that has the effect of all forces F on the mean motion along an axis. */
+AMB_INLINE amb_real along(const amb_model *model, const amb_contact *own, int axis,
+                          const amb_real F[AMB_FORCES])
 {
-  const amb_real most = own->friction[ring] * force;
-  const amb_real stops = AMB_C(0.5) / own->mobility[ring] * slip; /* stops the slip in a sample */
-  return amb_clamp(stops, -most, most) / force;
+  if (amb_forces(model) == 1) {
+    return F[0];
+  }
+  amb_real sum = own->coupling[axis][0] * F[0];
+  for (int f = 1; f < amb_forces(model); f++) {
+    sum += own->coupling[axis][f] * F[f];
+  }
+  return sum;
 }
 
 /* Normal, penetration and velocities of a ring at a mean of the states and under the other forces
- * F, if the displacement is beyond `least`; leaves w, u and spread unchanged. */
+ * F, if the displacement is beyond half the clearance; leaves w, u and spread unchanged. */
 AMB_INLINE bool approach(const amb_model *model, const amb_contact *own, int ring,
                          const amb_real mean[AMB_STATES], const amb_real F[AMB_FORCES],
-                         amb_real least, touch_down *at)
+                         touch_down *at)
 {
   const int n = amb_states(model);
   const bool two = (amb_forces(model) > 1) && (own->second[ring] != own->first[ring]);
@@ -86,17 +95,17 @@ AMB_INLINE bool approach(const amb_model *model, const amb_contact *own, int rin
   at->c = AMB_C(0.0);
   at->variance = AMB_C(0.0);
   at->extra = AMB_C(0.0);
-  const amb_real F_a = F[at->axis[0]];
-  const amb_real F_b = two ? F[at->axis[1]] : AMB_C(0.0);
+  const amb_real F_a = along(model, own, at->axis[0], F);
+  const amb_real F_b = two ? along(model, own, at->axis[1], F) : AMB_C(0.0);
   const amb_real compliance = own->compliance[ring];
   const amb_real a = times(n, own->displacement[at->axis[0]], mean) + compliance * F_a;
   const amb_real b =
       two ? (times(n, own->displacement[at->axis[1]], mean) + compliance * F_b) : AMB_C(0.0);
   const amb_real radius = two ? amb_root(a * a + b * b) : amb_magnitude(a);
-  if (!(radius > least)) {
+  at->depth = radius - own->clearance[ring];
+  if (!(radius > (AMB_C(0.5) * own->clearance[ring]))) {
     return false;
   }
-  at->depth = radius - own->clearance[ring];
   at->normal[0] = a / radius;
   at->normal[1] = two ? (b / radius) : AMB_C(0.0);
   const amb_real mobility = own->mobility[ring];
@@ -108,6 +117,10 @@ AMB_INLINE bool approach(const amb_model *model, const amb_contact *own, int rin
   if (two) {
     at->rate += at->normal[1] * w;
     at->across = at->normal[0] * w - at->normal[1] * v;
+    at->radius = radius;
+    at->turn = amb_clamp(AMB_C(3.0) * compliance / mobility * at->across / radius, AMB_C(-1.0),
+                         AMB_C(1.0));
+    at->depth += radius * at->turn * at->turn / AMB_C(24.0);
   }
   return true;
 }
@@ -118,9 +131,31 @@ AMB_INLINE void react(const amb_contact *own, int ring, touch_down *at)
   at->reaction[0] = at->normal[0];
   at->reaction[1] = at->normal[1];
   if ((at->axes > 1) && (at->force > AMB_C(0.0))) {
-    const amb_real share = friction(own, ring, at->force, own->surface[ring] + at->across);
-    at->reaction[0] -= share * at->normal[1];
-    at->reaction[1] += share * at->normal[0];
+    const amb_real mobility = own->mobility[ring];
+    const amb_real slip =
+        own->surface[ring] + at->across + AMB_C(0.25) * mobility * at->turn * at->force;
+    const amb_real sticks = AMB_C(0.5) / mobility; /* stops the slip in a sample */
+    const amb_real most = own->friction[ring] * at->force;
+    const amb_real stops = sticks * slip;
+    const amb_real share = amb_clamp(stops, -most, most) / at->force;
+    at->sticks = (amb_magnitude(stops) < most) ? sticks : AMB_C(0.0);
+    const amb_real mean = AMB_C(1.0) - at->turn * at->turn / AMB_C(24.0);
+    at->reaction[0] = mean * (at->normal[0] - share * at->normal[1]);
+    at->reaction[1] = mean * (at->normal[1] + share * at->normal[0]);
+  }
+}
+
+/* Adds the response of the states to the lateness across the reaction, which turns with the rotor
+ * within the sample. */
+AMB_INLINE void add_turn(const amb_model *model, const amb_contact *own, const touch_down *at,
+                         amb_real moved[AMB_STATES])
+{
+  if (at->axes > 1) {
+    const amb_real late = at->force * at->turn / AMB_C(3.0);
+    for (int i = 0; i < amb_states(model); i++) {
+      moved[i] += late * (at->reaction[1] * own->later[at->axis[0]][i] -
+                          at->reaction[0] * own->later[at->axis[1]][i]);
+    }
   }
 }
 
@@ -129,7 +164,7 @@ AMB_INLINE void react(const amb_contact *own, int ring, touch_down *at)
 AMB_INLINE bool touch(const amb_model *model, const amb_contact *own, int ring,
                       const amb_real mean[AMB_STATES], const amb_real F[AMB_FORCES], touch_down *at)
 {
-  if (!approach(model, own, ring, mean, F, own->clearance[ring], at)) {
+  if (!approach(model, own, ring, mean, F, at) || !(at->depth > AMB_C(0.0))) {
     return false;
   }
   const amb_real compliance = own->compliance[ring];
@@ -152,6 +187,38 @@ AMB_INLINE void add_force(const touch_down *at, amb_real F[AMB_FORCES])
 {
   for (int a = 0; a < at->axes; a++) {
     F[at->axis[a]] -= at->force * at->reaction[a];
+  }
+}
+
+/* The contact of a ring under the other forces F and those of the other contacts, of all of which
+ * N [N] are those along the axes so far, and then without its own. Returns whether there is any. */
+AMB_INLINE bool touch_beside(const amb_model *model, const amb_contact *own, int ring,
+                             const amb_real mean[AMB_STATES], const amb_real F[AMB_FORCES],
+                             amb_real N[AMB_FORCES], touch_down *at)
+{
+  amb_real beside[AMB_FORCES];
+  N[own->first[ring]] = AMB_C(0.0);
+  N[own->second[ring]] = AMB_C(0.0);
+  beside[0] = F[0] + N[0];
+  for (int f = 1; f < amb_forces(model); f++) {
+    beside[f] = F[f] + N[f];
+  }
+  return touch(model, own, ring, mean, (amb_forces(model) > 1) ? beside : F, at);
+}
+
+/* N of contacts that know those of the rings before them, for the others. */
+AMB_INLINE void touch_in_turn(const amb_model *model, const amb_contact *own,
+                              const amb_real mean[AMB_STATES], const amb_real F[AMB_FORCES],
+                              amb_real N[AMB_FORCES])
+{
+  touch_down at;
+  amb_clear(amb_forces(model), N);
+  if ((amb_forces(model) > 1) && (own->rings > 1)) {
+    for (int ring = 0; ring < own->rings; ring++) {
+      if (touch_beside(model, own, ring, mean, F, N, &at)) {
+        add_force(&at, N);
+      }
+    }
   }
 }
 

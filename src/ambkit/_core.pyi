@@ -286,7 +286,7 @@ class Unscented(Estimator):
 class Contact(Estimator):
     """Extended filter with stops (ambkit/contact.h)."""
 
-    def __init__(self, magnet: Magnet | list[Magnet], model: Model, first: Any, second: Any, numbers: Any, displacement: Any, velocity: Any, later: Any, bias: Any, parts: int, scatter: float, **settings: Any) -> None: ...
+    def __init__(self, magnet: Magnet | list[Magnet], model: Model, first: Any, second: Any, numbers: Any, displacement: Any, velocity: Any, later: Any, coupling: Any, bias: Any, brief: bool, scatter: float, **settings: Any) -> None: ...
 
     def run(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], *, covariance: bool = False, instructions: str | None = None, on: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)] | None = None) -> dict[str, Any]:
         """

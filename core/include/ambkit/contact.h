@@ -7,7 +7,8 @@
  *   N = K d^1.5 (1 + 3/2 damping d'),  N >= 0    (Hunt & Crossley 1975)
  *
  * Each prediction decides between two hypotheses: the rotor is free, or it is in contact, if its
- * mean displacement s over the sample is beyond the clearance.
+ * mean displacement s over the sample is beyond the clearance. AMB_CONTACT of a resolved
+ * contact remains until its probability is below 30 %.
  *
  * In contact N is held over the sample, as the magnet forces are, so that the model stays exact
  * between samples. A force that is held changes the mean displacement by its compliance,
@@ -31,7 +32,13 @@
  *   A <- A - u w',   P+ = A P A' + growth + (2 bend^2 + scatter^2) N^2 u u'
  *
  * Along a ring, friction mu N opposes the slip of the rotor's surface, and is at most the force
- * that stops the slip within a sample; u is the response to both forces.
+ * that stops the slip within a sample; u is the response to both forces. A rotor that whirls takes
+ * the normal round by the angle `turn` within a sample: the depth increases by |s| turn^2 / 24, the
+ * mean N decreases by the same share, and across it there is a lateness of N turn / 3 (see below).
+ * The direction of both forces follows the displacement across the normal, and friction that stops
+ * the slip follows the velocity there. Both are a second entry of A and P+, of the variance
+ * scatter^2 (turn^2 + mu^2) N^2, without mu^2 while it slides. Contacts of one rotor change the
+ * motion at each other by `coupling`; each is computed with the forces of the others.
  *
  * A sample resolves stiffnesses up to 3 mass / T^2: a steeper force continues along its tangent.
  * Damping is limited to mass / T.
@@ -70,9 +77,11 @@ typedef struct amb_contact {
   amb_real mobility[AMB_FORCES];     /* T / (2 mass) [m/s/N], > 0 */
   amb_real displacement[AMB_FORCES][AMB_STATES]; /* h of each axis: mean over the sample ... */
   amb_real velocity[AMB_FORCES][AMB_STATES];     /* ... and h', its rate, by the states */
-  amb_real later[AMB_FORCES][AMB_STATES]; /* response to a force of -1 N in the first half of a
-                                             sample and 1 N in the second */
-  int parts;                              /* 1: contacts are resolved; or AMB_CONTACT_PARTS */
+  amb_real later[AMB_FORCES][AMB_STATES];    /* response to a force of -1 N in the first half of a
+                                                sample and 1 N in the second */
+  amb_real coupling[AMB_FORCES][AMB_FORCES]; /* motion along an axis by the force along another,
+                                                relative to the mobility of its ring [1] */
+  bool brief;                                /* contacts last fewer samples than a few */
   amb_real scatter_squared;  /* variance of the contact force relative to N^2 [1], >= 0 */
   amb_real bias[AMB_FORCES]; /* bias forces of the magnets, part of f_0 in the settings [N] */
 } amb_contact;
@@ -80,6 +89,7 @@ typedef struct amb_contact {
 typedef struct amb_contact_state {
   amb_kalman_state base;
   bool deenergised; /* in the next prediction the magnets have no current */
+  bool flagged;     /* the last prediction had AMB_CONTACT */
 } amb_contact_state;
 
 /* Contact forces N along the axes [N] over the sample that begins at a mean of the states, under

@@ -19,7 +19,6 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 
 RESOLVED = 4.5  #: Samples that a contact lasts at least where its force is held over each.
-PARTS = 8  #: Of a sample, where contacts are shorter.
 
 
 def samples_of_contact(machine: Machine) -> list[float]:
@@ -86,28 +85,37 @@ class ContactKalmanFilter(Estimator):
     def _arguments(self, engine: Engine, settings: dict[str, Any]) -> Arguments:
         T, dtype = self.machine.sampling_time, self.precision
         place, velocity = self.view.along_axes(engine.states)
-        mobility = np.diag(velocity @ engine.model.b) / 2  # mean velocity per force [m/s/N]
-        loads = np.zeros_like(place)
-        loads[:, [state.role == "disturbance force" for state in engine.states]] = np.diag(mobility)
+        pushed = velocity @ engine.model.b / 2  # mean velocity per force [m/s/N]
+        loads, mobility = np.zeros_like(place), np.diag(pushed).copy()
+        loads[:, [state.role == "disturbance force" for state in engine.states]] = pushed
         displacement = place + T / 2 * velocity + T / 3 * loads
-        rings, at = [], 0
+        rings, at, far, fast = [], 0, 1.0, 1.0
         for bearing in self.machine.bearings:
             axes = (at, at + (bearing.type == "radial"))
             at, stop = axes[1] + 1, bearing.stop
             if stop is not None:
-                most = mobility[list(axes)].max()
+                most = mobility[list(axes)] = mobility[list(axes)].max()
                 own = bearing.clearance, stop.stiffness, stop.damping, stop.friction or 0.0
                 surface = (stop.radius or 0.0) * self.machine.speed
                 rings.append((*axes, *own, surface, T / 3 * most, most))
+                if stop.friction:  # a rotor rolls round the ring at most, pressed on by its inertia
+                    deep = (T / (2 * most) * surface**2 / stop.stiffness) ** 0.4
+                    far = max(far, 1 + deep / bearing.clearance)
+                    fast = max(fast, far, abs(surface) * T / (0.1 * bearing.clearance))
+        wider = {"position": far, "sensor": far, "velocity": fast}
+        settings["travel"] = [far * travel for travel in settings["travel"]]
+        settings["cap"] = [
+            wider.get(state.role, 1.0) * cap
+            for state, cap in zip(engine.states, settings["cap"], strict=True)
+        ]
         table = np.array(rings, float).reshape(-1, 9).T
         first, second = np.ascontiguousarray(table[:2], np.uint16)
         bias = self.view.known_forces(self.magnet, weight=False)
-        numbers, *rows = (
-            np.ascontiguousarray(one, dtype)
-            for one in (table[2:], displacement, velocity + loads, self._later(engine), bias)
-        )
-        parts = 1 if min(samples_of_contact(self.machine)) >= RESOLVED else PARTS
-        return (first, second, numbers, *rows, parts, self._scatter), {}
+        later, coupling = self._later(engine), pushed / mobility[:, None]
+        of_core = table[2:], displacement, velocity + loads, later, coupling, bias
+        arrays = (np.ascontiguousarray(one, dtype) for one in of_core)
+        brief = min(samples_of_contact(self.machine)) < RESOLVED
+        return (first, second, *arrays, brief, self._scatter), {}
 
     def _later(self, engine: Engine) -> Array:
         """Return responses to -1 N in the first half of a sample and 1 N in the second (p, n)."""

@@ -101,7 +101,7 @@ def made_of(filter: Estimator) -> str:
     parts = [type(filter.core).__name__]
     if "n" in own:
         parts.append(f"{own['n']} models")
-    if own.get("parts", 1) > 1:
+    if own.get("brief", False):
         parts.append("short contacts")
     inner: Estimator | None = getattr(filter, "inner", None)
     if inner is not None:
