@@ -312,26 +312,6 @@ def test_a_rotor_drops_and_levitates_again_in_one_run(name, sequence):
     ]  # fmt: skip
 
 
-def test_the_flag_of_a_rotor_on_its_stop_seldom_alternates():
-    """Though the stop gives way by less than the noise; without a bias to contact 22 times."""
-    machine = with_stop(
-        Machine.preset("zittau_axial").replace(sensor__noise_variance="81 um^2"), 1e9
-    )
-    kf, changes = KINDS["contact"].make(machine), []
-    for seed in range(8):
-        scenario = Scenario(
-            duration=0.25, start="landed", seed=seed,
-            sequence={"wait": 0.1, "lift": 0.2, "land": 0.1},
-            controller={"feedback": "estimate"},
-        )  # fmt: skip
-        run = simulate_run(machine, scenario, estimator=kf)
-        flags = in_contact(run.estimate)
-        end = 1 + np.flatnonzero((true_forces(kf, run.record) != 0).any(axis=1))[-1]
-        changes.append(np.abs(np.diff(flags[np.argmax(flags) : end].astype(int))).sum())
-        assert np.argmin(flags[end:]) * machine.sampling_time <= 2e-3
-    assert np.mean(changes) < 15
-
-
 @pytest.mark.long
 def test_no_estimator_knows_the_force_of_a_stiff_stop_much_better():
     """Nor to a tenth: a sensor of 5.8 um sees as much as the stop gives way."""

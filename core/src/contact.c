@@ -120,23 +120,11 @@ AMB_INLINE void cross_contact(const amb_kalman *kf, const amb_contact *own, int 
   at[1].extra = own->scatter_squared * (of->turn * of->turn + rubs * rubs) * of->force * of->force;
 }
 
-/* Whether a ring is touched with a probability of 30 % or more; uses w and spread. */
-AMB_INLINE bool may_touch(int n, const amb_contact *own, const amb_kalman_state *s, touch_down *at)
-{
-  const amb_real gap = amb_at_most(at->depth, AMB_C(0.0));
-  add_gradient(n, own, at, at->normal, AMB_C(1.0), AMB_C(0.0), at->w);
-  add_spread(n, s->cov, at->w, at->spread);
-  return (gap * gap) < (AMB_C(0.275) * times(n, at->w, at->spread));
-}
-
-/* All resolved contacts, each with w, u and P w, their lateness, and the flag. Returns how many
- * entries. */
-AMB_INLINE int all_contacts(const amb_kalman *kf, const amb_contact *own, amb_contact_state *of,
+/* All resolved contacts, each with w, u and P w, and their lateness. Returns how many entries. */
+AMB_INLINE int all_contacts(const amb_kalman *kf, const amb_contact *own, const amb_kalman_state *s,
                             const amb_real F[AMB_FORCES], touch_down at[AMB_RESOLVED],
                             amb_real late[AMB_STATES])
 {
-  const amb_kalman_state *s = &of->base;
-  bool flagged = false;
   const int n = amb_states(&kf->model);
   int count = 0;
   amb_real N[AMB_FORCES];
@@ -166,14 +154,8 @@ AMB_INLINE int all_contacts(const amb_kalman *kf, const amb_contact *own, amb_co
       }
       add_spread(n, s->cov, now->w, now->spread);
       add_curvature(n, own, ring, now);
-      flagged = true;
-    } else if (of->flagged && !flagged) {
-      flagged = may_touch(n, own, s, now);
-    } else {
-      /* free */
     }
   }
-  of->flagged = flagged;
   return count;
 }
 
@@ -215,16 +197,15 @@ AMB_INLINE void add_contact_stiffness(const amb_kalman *kf, int count, bool in_p
 
 /* Prediction with the other forces F, which become all forces, and resolved contacts. */
 AMB_INLINE amb_status predict_contacts(const amb_kalman *kf, const amb_contact *own,
-                                       amb_contact_state *of, amb_real F[AMB_FORCES],
+                                       amb_kalman_state *s, amb_real F[AMB_FORCES],
                                        const amb_stiffness k[AMB_FORCES],
                                        const amb_real iu[AMB_CONTROLS], amb_status *status)
 {
-  amb_kalman_state *s = &of->base;
   touch_down at[AMB_RESOLVED];
   amb_real late[AMB_STATES];
-  const int count = all_contacts(kf, own, of, F, at, late);
-  *status |= of->flagged ? AMB_CONTACT : AMB_OK;
+  const int count = all_contacts(kf, own, s, F, at, late);
   for (int e = 0; e < count; e++) {
+    *status |= AMB_CONTACT;
     add_force(&at[e], F);
   }
   const amb_status predicted = amb_step_predict_with(kf, s, F, k, iu);
@@ -267,7 +248,6 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
 {
   amb_contact_state *s = (amb_contact_state *)state;
   s->deenergised = false;
-  s->flagged = false;
   return amb_kalman_reset(self->kf, &s->base, mean, std);
 }
 
@@ -297,7 +277,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   }
   const amb_status predicted =
       own->brief ? predict_bounces(kf, own, s, F, result->stiffness, iu, &status)
-                 : predict_contacts(kf, own, contact_state, F, result->stiffness, iu, &status);
+                 : predict_contacts(kf, own, s, F, result->stiffness, iu, &status);
   status |= amb_step_contain(kf, s);
   return status | predicted;
 }

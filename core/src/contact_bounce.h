@@ -20,7 +20,7 @@ AMB_INLINE bool approach_from(const amb_model *model, const amb_contact *own, in
                               const amb_real mean[AMB_STATES], const amb_real F[AMB_FORCES],
                               touch_down *at, start *from)
 {
-  if (!approach(model, own, ring, mean, F, at)) {
+  if (!approach(model, own, ring, mean, F, AMB_C(0.5) * own->clearance[ring], at)) {
     return false;
   }
   const int load = amb_first(model, AMB_LOAD);

@@ -74,10 +74,10 @@ AMB_INLINE amb_real along(const amb_model *model, const amb_contact *own, int ax
 }
 
 /* Normal, penetration and velocities of a ring at a mean of the states and under the other forces
- * F, if the displacement is beyond half the clearance; leaves w, u and spread unchanged. */
+ * F, if the displacement is beyond `least`; leaves w, u and spread unchanged. */
 AMB_INLINE bool approach(const amb_model *model, const amb_contact *own, int ring,
                          const amb_real mean[AMB_STATES], const amb_real F[AMB_FORCES],
-                         touch_down *at)
+                         amb_real least, touch_down *at)
 {
   const int n = amb_states(model);
   const bool two = (amb_forces(model) > 1) && (own->second[ring] != own->first[ring]);
@@ -102,10 +102,10 @@ AMB_INLINE bool approach(const amb_model *model, const amb_contact *own, int rin
   const amb_real b =
       two ? (times(n, own->displacement[at->axis[1]], mean) + compliance * F_b) : AMB_C(0.0);
   const amb_real radius = two ? amb_root(a * a + b * b) : amb_magnitude(a);
-  at->depth = radius - own->clearance[ring];
-  if (!(radius > (AMB_C(0.5) * own->clearance[ring]))) {
+  if (!(radius > least)) {
     return false;
   }
+  at->depth = radius - own->clearance[ring];
   at->normal[0] = a / radius;
   at->normal[1] = two ? (b / radius) : AMB_C(0.0);
   const amb_real mobility = own->mobility[ring];
@@ -164,7 +164,7 @@ AMB_INLINE void add_turn(const amb_model *model, const amb_contact *own, const t
 AMB_INLINE bool touch(const amb_model *model, const amb_contact *own, int ring,
                       const amb_real mean[AMB_STATES], const amb_real F[AMB_FORCES], touch_down *at)
 {
-  if (!approach(model, own, ring, mean, F, at) || !(at->depth > AMB_C(0.0))) {
+  if (!approach(model, own, ring, mean, F, own->clearance[ring], at)) {
     return false;
   }
   const amb_real compliance = own->compliance[ring];

@@ -7,8 +7,7 @@
  *   N = K d^1.5 (1 + 3/2 damping d'),  N >= 0    (Hunt & Crossley 1975)
  *
  * Each prediction decides between two hypotheses: the rotor is free, or it is in contact, if its
- * mean displacement s over the sample is beyond the clearance. AMB_CONTACT of a resolved
- * contact remains until its probability is below 30 %.
+ * mean displacement s over the sample is beyond the clearance.
  *
  * In contact N is held over the sample, as the magnet forces are, so that the model stays exact
  * between samples. A force that is held changes the mean displacement by its compliance,
@@ -89,7 +88,6 @@ typedef struct amb_contact {
 typedef struct amb_contact_state {
   amb_kalman_state base;
   bool deenergised; /* in the next prediction the magnets have no current */
-  bool flagged;     /* the last prediction had AMB_CONTACT */
 } amb_contact_state;
 
 /* Contact forces N along the axes [N] over the sample that begins at a mean of the states, under
