@@ -85,9 +85,9 @@ class ContactKalmanFilter(Estimator):
     def _arguments(self, engine: Engine, settings: dict[str, Any]) -> Arguments:
         T, dtype = self.machine.sampling_time, self.precision
         place, velocity = self.view.along_axes(engine.states)
-        pushed = velocity @ engine.model.b / 2  # mean velocity per force [m/s/N]
-        loads, mobility = np.zeros_like(place), np.diag(pushed).copy()
-        loads[:, [state.role == "disturbance force" for state in engine.states]] = pushed
+        responses = velocity @ engine.model.b / 2  # mean velocity per force [m/s/N]
+        loads, mobility = np.zeros_like(place), np.diag(responses).copy()
+        loads[:, [state.role == "disturbance force" for state in engine.states]] = responses
         displacement = place + T / 2 * velocity + T / 3 * loads
         rings, at, far, fast = [], 0, 1.0, 1.0
         for bearing in self.machine.bearings:
@@ -111,7 +111,7 @@ class ContactKalmanFilter(Estimator):
         table = np.array(rings, float).reshape(-1, 9).T
         first, second = np.ascontiguousarray(table[:2], np.uint16)
         bias = self.view.known_forces(self.magnet, weight=False)
-        later, coupling = self._later(engine), pushed / mobility[:, None]
+        later, coupling = self._later(engine), responses / mobility[:, None]
         of_core = table[2:], displacement, velocity + loads, later, coupling, bias
         arrays = (np.ascontiguousarray(one, dtype) for one in of_core)
         brief = min(samples_of_contact(self.machine)) < RESOLVED

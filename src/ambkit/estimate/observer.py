@@ -141,7 +141,7 @@ class ExtendedStateObserver(_Observer):
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} must be greater than 0{unit}, got {value!r}")
         damping = damping if bandwidth is None else damping or 1.0
-        self._given: tuple[Any, Any] = bandwidth, damping
+        self._placement: tuple[Any, Any] = bandwidth, damping
         super().__init__(machine, magnet, **options)
 
     def _gain(self, model: LinearModel, states: Sequence[Descriptor]) -> Array:
@@ -156,7 +156,7 @@ class ExtendedStateObserver(_Observer):
             result[placed_states] = placed(model._replace(A=A, H=H), poles)
             return result
 
-        bandwidth, damping = self._given
+        bandwidth, damping = self._placement
         if bandwidth is None:
             k = [state.role for state in states].index("position")
             start = START[0] * unstable_pole(self.machine), damping or START[1]
