@@ -359,3 +359,12 @@ def test_a_filter_over_speed_is_reported_the_speed():
 def test_refusals(options, message):
     with pytest.raises(AmbkitError, match=message):
         ambkit.assess_speed(UFU, **options)
+
+
+@pytest.mark.parametrize("update", [
+    {}, {"angle": {"type": "pulses", "angle_noise": 0.06, "latency": 5e-3}},
+])  # fmt: skip
+def test_the_default_filter_has_margins_from_rest_on(update):
+    """Unbalance at rest and the error of the speed are shown by no reading at one speed."""
+    machine = Machine.preset("tum_mlps").replace(**update)
+    assert ambkit.assess_speed(machine, count=3).finding.startswith("tum_mlps")

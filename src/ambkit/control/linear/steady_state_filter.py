@@ -12,6 +12,7 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.noise_model import LinearModel
 from ambkit.machine.magnets import core_module
 from ambkit.models.linear import LinearSystem, Signal
+from ambkit.models.parts import SYNCHRONOUS
 
 
 def tells(estimator: Estimator) -> bool:
@@ -106,14 +107,18 @@ def settled_gain(estimator: Estimator, point: OperatingPoint) -> tuple[Array, Ar
 def _settled(estimator: Estimator, model: LinearModel) -> tuple[Array, Array]:
     """Return the steady-state gain (..., n, m) of a Kalman filter, and which states it moves."""
     # A noise or disturbance state without process noise is learned once, and its gain tends to
-    # zero: it is excluded (n,).
+    # zero: it is excluded (n,). At one speed so is what no reading shows: unbalance and runout at
+    # rest, runout beside an unbalance, which has the same effect, and the error of the speed.
     from scipy.linalg import solve_discrete_are
 
     states = estimator.model.states
     follows = ("disturbance force", "noise", "noise in quadrature")
-    Q = model.Q
+    Q, roles = model.Q, {at.role for at in states}
+    hidden = {"speed error"} | ({"runout"} if "unbalance" in roles else set())
     state_indices = np.array([
-        k for k, at in enumerate(states) if at.role not in follows or np.all(Q[..., k, k] > 0)
+        k for k, at in enumerate(states)
+        if (at.role not in follows or np.all(Q[..., k, k] > 0)) and at.role not in hidden
+        and (at.role not in SYNCHRONOUS or np.any(model.A[..., k, k] != 1))
     ])  # fmt: skip
     # States are scaled, because the equation loses its digits between newtons and micrometres.
     units = np.array(estimator.default_std())[state_indices]
