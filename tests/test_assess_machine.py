@@ -109,7 +109,7 @@ def test_noise_figures_are_those_of_the_simulation():
 def test_unbalance_is_answered_as_the_simulation_does(feedback):
     turning = UFU.model_copy(update={"speed": 4000 * RPM})
     found = ambkit.assess(turning, "linear" if feedback == "estimate" else None)
-    asked = list(found.loops.values())[-1]
+    asked = found.loops["linear" if feedback == "estimate" else MEASUREMENT]
     flight = Scenario(duration=1.5, noise=False, controller={"feedback": feedback})
     inner = made("linear", turning, frozen_limit=0) if feedback == "estimate" else None
     run = simulate_run(turning, flight, estimator=inner).record

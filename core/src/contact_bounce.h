@@ -5,7 +5,11 @@
 #include "contact_ring.h"
 
 #define AMB_CONTACTS (2 * AMB_FORCES) /* entries: the force of each ring, and its lateness */
-#define AMB_RESOLVED ((AMB_FORCES > 1) ? AMB_CONTACTS : 1) /* and that across a ring, at most */
+#if AMB_FORCES > 1
+#define AMB_RESOLVED AMB_CONTACTS /* and that across a ring, at most */
+#else
+#define AMB_RESOLVED 1
+#endif
 
 /* Motion along the normal at the start of a sample. */
 typedef struct start {
