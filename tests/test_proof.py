@@ -20,7 +20,7 @@ from firmware import proof as prover
 STORED = json.loads(proof.STORED.read_text(encoding="utf-8"))
 
 LEFT = ("finite", "any", "open")
-OF = {"linear": "Kalman, Constant", "extended": "Extended, Law"}
+OF = {"linear": "Kalman, Constant", "multiple-model": "MultipleModel, 5 models, Law"}
 
 needs_frama_c = pytest.mark.skipif(
     shutil.which("frama-c") is None, reason="Frama-C (frama-c-base) is not installed"
@@ -35,33 +35,26 @@ CASES = [
 
 def stored_of(kind, law, precision):
     of = STORED["filters" if law is None else "controllers"]
-    return of.get(prover.stored_as(kind, precision, prover.CONTROLLERS.get(law)))
-
-
-RECORDED = [case for case in CASES if stored_of(*case)]
-TO_PROVE = 25
-"""Cases whose record was of other C, until `python -m firmware.proof KIND` has run for them."""
+    return of[prover.stored_as(kind, precision, prover.CONTROLLERS.get(law))]
 
 
 def test_of_every_kind_it_is_recorded_in_both_precisions_that_nothing_is_left():
-    assert len(CASES) - len(RECORDED) == TO_PROVE
     stored = STORED["filters"] | STORED["controllers"]
-    assert len(stored) == len(RECORDED)
+    assert len(stored) == len(CASES)
     left = {name: [found[key] for key in LEFT] for name, found in stored.items()}
     assert [name for name, found in left.items() if any(found)] == []
 
 
-OF_FLOAT = [case for case in RECORDED if case[-1] == "float"]
-
-
-@pytest.mark.parametrize(("kind", "law", "precision"), quick(RECORDED, OF_FLOAT))
+@pytest.mark.parametrize(
+    ("kind", "law", "precision"), quick(CASES, [case for case in CASES if case[-1] == "float"])
+)
 def test_what_is_recorded_is_of_the_c_as_it_is_now(kind, law, precision, tmp_path):
     """Otherwise: python -m firmware.proof KIND."""
     made = prover.exported(kind, precision, tmp_path / "c", prover.CONTROLLERS.get(law))
     found = stored_of(kind, law, precision)
     assert prover.hashes(made).items() <= found.items()
     for other in prover.PRECISIONS:  # of the double one, the text is compared in the long tests
-        assert (stored_of(kind, law, other) or found)["core"] == found["core"]
+        assert stored_of(kind, law, other)["core"] == found["core"]
 
 
 def test_a_hash_sees_all_but_comments_and_the_tag_of_the_core():
@@ -86,7 +79,7 @@ def test_the_table_is_what_is_recorded():
     assert prover.table() in readme
 
 
-@pytest.mark.parametrize("kind", ["linear", "extended"])
+@pytest.mark.parametrize("kind", ["linear", "multiple-model"])
 def test_the_readme_says_what_was_recorded_and_no_more(exported, kind):
     text = (exported(kind).folder / "proof" / "README.md").read_text(encoding="utf-8")
     recorded = STORED["filters"][OF[kind] + ", float"]
@@ -187,7 +180,7 @@ def test_what_is_recorded_comes_out(kind, precision, law, tmp_path):
     """Of the others: python -m firmware.proof all."""
     control = None if law is None else prover.CONTROLLERS[law]
     left, said = prover.prove(prover.exported(kind, precision, tmp_path / "out", control))
-    assert left == (stored_of(kind, law, precision) or left), said
+    assert left == stored_of(kind, law, precision), said
     assert [left[key] for key in LEFT] == [0, 0, 0], said
 
 
