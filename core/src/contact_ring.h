@@ -89,6 +89,10 @@ AMB_INLINE bool approach(const amb_model *model, const amb_contact *own, int rin
   at->normal[1] = AMB_C(0.0);
   at->reaction[0] = AMB_C(0.0);
   at->reaction[1] = AMB_C(0.0);
+  at->radius = AMB_C(0.0);
+  at->across = AMB_C(0.0);
+  at->turn = AMB_C(0.0);
+  at->sticks = AMB_C(0.0);
   at->elastic = AMB_C(0.0);
   at->force = AMB_C(0.0);
   at->k = AMB_C(0.0);
@@ -113,7 +117,6 @@ AMB_INLINE bool approach(const amb_model *model, const amb_contact *own, int rin
   const amb_real w =
       two ? (times(n, own->velocity[at->axis[1]], mean) + mobility * F_b) : AMB_C(0.0);
   at->rate = at->normal[0] * v;
-  at->across = AMB_C(0.0);
   if (two) {
     at->rate += at->normal[1] * w;
     at->across = at->normal[0] * w - at->normal[1] * v;
