@@ -577,6 +577,14 @@ def test_the_colour_of_the_noise_tells_a_reading_from_its_control():
     assert not feeds(u, y)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_two_white_noises_do_not_tell_a_reading_from_its_control_by_colour(seed):
+    load = ambkit.Scenario(controller={"feedback": "measurement"}, duration=0.1, seed=seed)
+    run = ambkit.simulate(Path(__file__).parents[1] / "examples/spindle.toml", load, None).record
+    y, u = (Candidate(name, {}, run[name]) for name in "yu")
+    assert (feeds(y, u), feeds(u, y)) == (True, False)
+
+
 def test_a_clock_without_jumps_goes_first(tmp_path):
     t = 1e-3 * np.arange(500)
     logged = np.where(t > 0.2, t + 0.05, t)

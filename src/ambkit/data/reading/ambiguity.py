@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from ambkit.data.reading.candidates import Candidate
+from ambkit.data.reading.channel_statistics import COMPARED
 from ambkit.data.reading.comparison import (
     PASSED,
     RAWER,
@@ -30,19 +31,24 @@ def ambiguities(
         yield from ((role, (c, other), why) for other, why in c.rivals)
     y, u, current = (chosen.get(role) for role in ("y", "u", "current"))
     if y is None:
+        rivals = [c for c in channels if c is not u and c.role in ("u", "i", "y")]
+        if u is not None and rivals:
+            yield "u", (u, *rivals[:2]), "no channel is a position that confirms it"
         return
     alike = [c for c in channels if c.values.shape == y.values.shape and c is not y]
     for c, why in _readings(y, alike):
         yield "y and x_logged" if c is chosen.get("x_logged") else "y", (y, c), why
     if u is None and moves is None:
-        sources = [c for c in alike if is_control(y, c)]
+        sources = [c for c in alike[:COMPARED] if is_control(y, c)]
         yield "y", (y, *sources), "named so, but no motion confirms it"
     if u is None or u.values.shape != y.values.shape:
         return
     rest = [c for c in alike if c not in chosen.values()]
     yield from (("u", (u, c), why) for c, why in _controls(u, y, rest))
     if moves is None and not feeds(y, u):
-        yield "y and u", (y, u), "named so, but the motion confirms neither"
+        swapped = "by its noise the second is the position, the first its control"
+        why = swapped if feeds(u, y) else "the motion confirms neither"
+        yield "y and u", (y, u), f"named so, but {why}"
     if current is not None and (leads(current, u) or not goes_with(current, u)):
         what = "leads" if leads(current, u) else "goes its own way"
         yield "u and current", (u, current), f"{current.label} {what}"
@@ -51,7 +57,7 @@ def ambiguities(
 def _readings(y: Candidate, alike: Sequence[Candidate]) -> Iterator[tuple[Candidate, str]]:
     """Yield what else may be the reading of the position."""
     for c in alike:
-        beside = Beside.of(c, y)
+        beside = Beside(c, y)
         if not beside.is_near or beside.is_few or c.role not in ("", "y", "r"):
             continue
         if beside.noise > RAWER:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.data.files import timestamps
 from ambkit.data.files.log import Log
+from ambkit.data.reading.channel_statistics import seen, slow
+from ambkit.data.reading.faults import noise
 from ambkit.data.reading.role_names import role_of
 from ambkit.data.signals import si_unit
 
@@ -39,6 +42,21 @@ class Candidate:
     weak: bool = False  #: Whether no more than a letter of its name says its role.
     drives: bool = False  #: Whether it is the duty or voltage of a power stage.
     scale: str = "1"  #: Of its unit: 100 of a time in 100 ns.
+
+    @cached_property
+    def noise(self) -> float:
+        """Standard deviation of its noise."""
+        return noise(self.values)
+
+    @cached_property
+    def size(self) -> float:
+        """Standard deviation, above zero."""
+        return max(float(seen(self.values).std()), 1e-300)
+
+    @cached_property
+    def slow(self) -> Array:
+        """Its slow part (n,)."""
+        return slow(self.values)
 
 
 def candidates(log: Log) -> list[list[Candidate]]:
@@ -101,6 +119,7 @@ _UNIT_AT_END = re.compile(
 )
 _UNIT_IN_BRACKETS = re.compile(rf"(.*?) ?[\[(] ?({_UNITS}) ?[\])](.*)")
 _SEVERAL = re.compile(r"(\d+)(?:[.,p](\d+))? ?([^\W\d]\D*)")  #: Of a fieldbus: 100ns, 0.1um, 0p1um.
+_PEAKS = re.compile(r"[ _](?:p-?p|pk(?:-?pk)?|0-?p|peak|rms)$", re.I)  #: Of a vibration.
 _IN_WORDS = {"mps": "m/s", "amps": "A", "amp": "A", "amperes": "A", "volts": "V", "s": "s",
              "millis": "ms", "micros": "us", "ma": "mA"}  # fmt: skip
 _OF_LETTERS = {"m": "yr", "s": "t", "A": "ui", "V": "u"}  #: Roles that have these units.
@@ -176,6 +195,7 @@ def _known_unit(candidate: Candidate) -> str:
     """Return the SI unit of a channel's unit; forget a unit that is not known."""
     if several := _SEVERAL.fullmatch(candidate.unit):
         candidate.unit, candidate.scale = several[3], f"{several[1]}.{several[2] or 0}"
+    candidate.unit = _PEAKS.sub("", candidate.unit)
     lower = candidate.unit if re.search(r"\d", candidate.unit) else candidate.unit.lower()
     for unit in dict.fromkeys((candidate.unit, lower)):  # A0 is a pin, a0 a length
         try:

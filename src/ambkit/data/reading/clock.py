@@ -300,8 +300,15 @@ def describe_shift(name: str, delay: float, step: float) -> str:
     return f"{text}; the ends are missing"
 
 
-_HERTZ = r"f[_ ]?s|f_?(?:sample|abtast)|rate|(?:sampl\w*|scan|abtast)[ _]?(?:rate|freq\w*)|采样率"
-_STEP = r"d[_ ]?t|t[_ ]?s|(?:sampl\w*|abtast|delta)[ _]?(?:[tx]|time|int|period|zeit)\w*|采样周期"
+_OF = r"(?:(?:de|di|d.) ?)?(?:[ée]chantillonnage|muestreo|amostragem|campionamento|pr[óo]bkowania)"
+_HERTZ = (
+    r"f[_ ]?s|f_?(?:sample|abtast)|rate|(?:sampl\w*|scan|abtast)[ _]?(?:rate|freq\w*)|"
+    rf"(?:fr\w+|cz\w+|taxa) {_OF}|采样(?:率|频率)|サンプリング周波数"
+)
+_STEP = (
+    r"d[_ ]?t|t[_ ]?s|(?:sampl\w*|abtast|delta)[ _]?(?:[tx]|time|int|period|zeit)\w*|"
+    rf"(?:p\w+|te?m\w+|okres) {_OF}|采样(?:周期|时间)|サンプリング周期"
+)
 _STATED = re.compile(
     rf"(?i)\b(?:(?P<rate>{_HERTZ})|{_STEP})(?![^\W_])(?:[ _[(]*(?P<before>k?hz|[mµu]?s)\b)?"
     r"[^\w\n.+-]{1,4}(?P<value>\d*\.?\d+(?:e[+-]?\d+)?)"

@@ -6,16 +6,13 @@ current that follows, and a controller passes on the noise of its own position o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from ambkit.base.arrays import interpolated
 from ambkit.data.reading.candidates import Candidate
-from ambkit.data.reading.channel_statistics import LOOKED_AT, correlation, is_few, seen, slow
+from ambkit.data.reading.channel_statistics import LOOKED_AT, correlation, is_few, seen
 from ambkit.data.reading.derived_channels import LEAST_SAMPLES, WHITE, colour, is_filtered
-from ambkit.data.reading.faults import noise
 from ambkit.data.reading.position_search import RELATED
 
 GOES_WITH = 0.3  #: Correlation that a name needs.
@@ -32,29 +29,37 @@ AT_ONCE = 0.5  #: Part of the noise passed on that a copy passes on in the same 
 STEADY = 0.15  #: Change of the time of a turn from one to the next, over that time.
 
 
-@dataclass(frozen=True)
 class Beside:
-    """How a channel goes with a position."""
+    """How a channel goes with a position of the same length; slow parts only where they matter."""
 
-    likeness: float  #: Correlation.
-    slowly: float  #: Correlation of the slow parts, without its sign.
-    rate: float  #: Correlation with the rate of the position.
-    scale: float  #: Size, over that of the position.
-    noise: float  #: Noise, over that of the position.
-    rough: float  #: Noise, over its own size.
-    is_near: bool  #: Whether it is the same motion within the noise.
-    is_few: bool  #: Whether it takes few values.
+    def __init__(self, c: Candidate, y: Candidate) -> None:
+        self.c, self.y = c, y
+        self.likeness = correlation(c.values, y.values)  #: Correlation.
+        self.scale = c.size / y.size  #: Size, over that of the position.
+        self.noise = c.noise / max(y.noise, 1e-300)  #: Noise, over that of the position.
+        self.rough = c.noise / c.size  #: Noise, over its own size.
 
-    @classmethod
-    def of(cls, c: Candidate, y: Candidate) -> Beside:
-        """Compare a channel with a position of the same length."""
-        likeness, hiss, own = correlation(c.values, y.values), noise(y.values), noise(c.values)
-        size, scale = (max(float(seen(item.values).std()), 1e-300) for item in (y, c))
-        near = likeness > RELATED and np.nanmedian(np.abs(c.values - y.values)) < 3 * max(hiss, own)
-        return cls(
-            likeness, abs(correlation(slow(c.values), slow(y.values))), rate_likeness(c, y),
-            scale / size, own / max(hiss, 1e-300), own / scale, bool(near), is_few(c.values),
-        )  # fmt: skip
+    @property
+    def is_near(self) -> bool:
+        """Whether it is the same motion within the noise."""
+        c, y = self.c, self.y
+        most = 3 * max(y.noise, c.noise)
+        return bool(self.likeness > RELATED and np.nanmedian(abs(c.values - y.values)) < most)
+
+    @property
+    def is_few(self) -> bool:
+        """Whether it takes few values."""
+        return is_few(self.c.values)
+
+    @property
+    def slowly(self) -> float:
+        """Correlation of the slow parts, without its sign."""
+        return abs(correlation(self.c.slow, self.y.slow))
+
+    @property
+    def rate(self) -> float:
+        """Correlation with the rate of the position."""
+        return rate_likeness(self.c, self.y)
 
     @property
     def is_reference(self) -> bool:
@@ -81,14 +86,14 @@ def rate_likeness(c: Candidate, y: Candidate) -> float:
     """Return how much a channel goes with the change of a position, by sample or slowly."""
     if is_few(c.values):
         return 0.0
-    step, slope = np.diff(y.values, prepend=y.values[:1]), np.gradient(slow(y.values))
-    pairs = (step, c.values), (slope, slow(c.values))
+    step, slope = np.diff(y.values, prepend=y.values[:1]), np.gradient(y.slow)
+    pairs = (step, c.values), (slope, c.slow)
     return max((correlation(*pair) for pair in pairs), key=abs)
 
 
 def goes_with(a: Candidate, b: Candidate) -> bool:
     """Whether the slow parts of two channels are one, with either sign."""
-    return abs(correlation(slow(a.values), slow(b.values))) > RELATED
+    return abs(correlation(a.slow, b.slow)) > RELATED
 
 
 def is_filter_of(c: Candidate, y: Candidate) -> bool:
@@ -128,15 +133,16 @@ def feeds(y: Candidate, u: Candidate) -> bool:
     """Whether a control is made of a position: by what is fast, or the sensor's white noise."""
     if answers(y, u) < PASSED:
         return False
-    colour_of_y, colour_of_u = (abs(colour(interpolated(c.values))) for c in (y, u))
-    return colour_of_y < min(WHITE, colour_of_u / 2) or (
-        amplifies(u, y) and not colour_of_u < min(WHITE, colour_of_y / 2)
-    )
+    pair = [abs(colour(interpolated(c.values))) for c in (y, u)]
+    if max(pair) < WHITE:  # what differs is chance
+        return amplifies(u, y)
+    whiter = [own < min(WHITE, other / 2) for own, other in (pair, pair[::-1])]
+    return whiter[0] or (amplifies(u, y) and not whiter[1])
 
 
 def amplifies(u: Candidate, y: Candidate) -> bool:
     """Whether a channel has more of what is fast than a position, as a controller's output has."""
-    relative = [noise(c.values) / max(float(seen(slow(c.values)).std()), 1e-300) for c in (u, y)]
+    relative = [c.noise / max(float(seen(c.slow).std()), 1e-300) for c in (u, y)]
     return relative[0] > LEADS * relative[1]
 
 

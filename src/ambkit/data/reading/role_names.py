@@ -25,7 +25,7 @@ class NamedRole(NamedTuple):
 
 _QUANTITIES = {
     "t": r"time|\w*zeit\w*|czas|tijd|temps|tiempo|tempo|instant\w*|istante|timestamps?|seconds?|"
-         r"secs?|elapsed|clock|millis|micros|\w*uhr|shijian|sj|时间|时刻|時間|時刻|врем\w*",
+         r"secs?|elapsed|clock|millis|micros|\w*uhr|shijian|sj|jikan|时间|时刻|時間|時刻|врем\w*",
     "-": r"err\w*|regelabweichung|regelfehler|\w*temp\w*|status|state|mode|flags?|n?rpm|"
          r"\w*drehzahl|omega|idx|count\w*|sample\w*|tick|power|leistung|\w*kraft|force|"
          r"druck|phase|phi|angle|winkel|beschl\w*|acc|accel\w*|fehler|fuerza|zhuansu|wendu|"
@@ -36,15 +36,18 @@ _QUANTITIES = {
     "v": r"vel|velocity|geschw\w*|[xyz]dot|d[xyz]|vitesse|velocidad\w*|velocit\w*|sudu|"
          r"скорость|速度",
     "i": r"cur|curr|currents?|\w*strom|ström\w*|amps?|amperes?|iu|imag|iq|i?coil|spule\w*|"
-         r"corriente|courant|corrente|intensi\w*|iout|dianliu|dl|stroom|prąd|prad|ток\w*|电流|電流",
+         r"corriente|courant|corrente|intensi\w*|iout|dianliu|dl|denryuu?|stroom|prąd|prad|"
+         r"ток\w*|电流|電流",
     "stage": r"duty\w*|pwm\w*|dc|tastgrad|tastverh\w*|\w*aussteuer\w*|volt\w*|\w*spannung|"
-             r"tensi\w*|ciclo|rapport|[uv]coil|v_?in|dianya|zhankongbi|напряж\w*|шим|скважность|"
+             r"tensi\w*|ciclo|rapport|[uv]coil|v_?in|dianya|zhankongbi|den.?atsu|napi[eę]ci\w*|"
+             r"wype[lł]n\w*|напряж\w*|шим|скважность|"
              r"电压|占空比|電圧|デューティ",
     "u": r"stell\w*|output|control|ctrl|ctl|actuat\w*|\w*regler\w*|ansteuer\w*|reglage|mando|"
          r"salida|sortie|uscita|kongzhi(?:liang)?|управл\w*|控制|制御|操作量",
     "y": r"pos|posn|\w*position|posi[cz]\w*|weg|\w*weg(?:sensor|aufnehmer)|dist\w*|disp\w*|gap|"
-         r"clearance|\w*spalt|airgap|entrefer|\w*abstand\w*|\w*lage(?:signal)?|regelgr\w*|sensor\w*|"
-         r"messgr\w*|auslenk\w*|abweichung|exzent\w*|eccent\w*|excentr\w*|ecc|hall|prob[ae]|prox\w*|"
+         r"clearance|\w*spalt|airgap|entrefer|\w*abstand\w*|\w*lage(?:signal)?|regelgr\w*|"
+         r"sens(?:e?or\w*)?|"
+         r"messgr\w*|auslenk\w*|abweichung|exzent\w*|eccent\w*|excentr\w*|ecc|hall|heni|prob[ae]|prox\w*|"
          r"ybobina|dsb|eddy|sonde|height|\w*hoehe|\w*höhe|alt\w*|hauteur\w*|jeu|verplaats\w*|"
          r"poł\w*|despl\w*|desloc\w*|spostam\w*|traslaz\w*|deplac\w*|entrehierro|separa\w*|"
          r"traferro|wei[yz]h?i|wy|qixi|jianxi|juli|положени\w*|смещени\w*|перемещ\w*|зазор|датчик|传感器|"
@@ -54,7 +57,8 @@ _SPEED = r"speed"
 _DEMAND = (
     r"\w*soll|sollwert|ref|reference|referen[zc]\w*|consign[ea]|riferimento|set|set_?po?i?n?ts?|"
     r"setp|sp|desired|des|dem|target|tgt|demand\w*|request\w*|comm?and\w*|cmd|\w*vorgabe|"
-    r"f(?:ü|ue)hrungsgr\w*|rif|dese[ajo]\w*|desi[dr]\w*|richiest\w*|cible|objetivo|obiettivo|zadan\w*|"
+    r"f(?:ü|ue)hrungsgr\w*|rif|dese[ajo]\w*|desi[dr]\w*|richiest\w*|cible|objetivo|obiettivo|"
+    r"zad(?:an\w*)?|shirei|mokuhyou?|"
     r"уставка|задан\w*|cankao|geiding|sheding|mubiao|zhiling|参考|给定|设定|目标|目標|指令"
 )
 _ORDER = r"comm?and\w*|cmd|zhiling|指令"  #: Of a control signal, where no quantity is named.

@@ -22,7 +22,11 @@ from ambkit.data.signals import si_unit
 def find_rotor(results: list[Candidate]) -> Rotor | None:
     """Find position and control by how they move; names, where there are any, come first."""
     named = {
-        role: next((c for c in results if c.role == role and not c.estimated), None)
+        role: min(
+            (c for c in results if c.role == role and not c.estimated),
+            key=lambda c: c.weak,
+            default=None,
+        )
         for role in "yui"
     }
     y, control = named["y"], named["u"] or named["i"]
@@ -62,6 +66,8 @@ def find_rotor(results: list[Candidate]) -> Rotor | None:
                 y.rivals.append((channels[moves.position], why))
             return None
         position, mover = channels[moves.position], channels[moves.control]
+        if named_so and mover.called == "y" and not feeds(position, mover):
+            return None  # the position of another axis of the same rotor
         if control is not None and goes_with(control, mover) and feeds(position, control):
             sign = np.sign(correlation(control.values, mover.values))  # mover follows it
             moves = replace(moves, control=channels.index(control), gain=sign * moves.gain)
@@ -126,7 +132,7 @@ def _name_rotor(moves: Rotor, channels: Sequence[Candidate]) -> None:
         (moves.positions, position, "y"), (moves.controls, mover, mover.role),
     ):  # fmt: skip
         for estimate in [channels[k] for k in rows_of]:
-            beside = Beside.of(estimate, first)
+            beside = Beside(estimate, first)
             is_estimate = beside.is_near and not beside.is_reference
             is_led = leads(first, estimate) or leads(estimate, first)
             apart = estimate.unit != first.unit or (is_led and in_steps(estimate.values))

@@ -38,6 +38,7 @@ from ambkit.data.reading.comparison import (
 )
 from ambkit.data.reading.position_search import RELATED, Rotor, in_steps
 from ambkit.data.reading.rotor_roles import find_rotor
+from ambkit.data.signals import si_unit
 
 OWN = 3.0  #: Ratio of the noise that a control has of its own position to that of another axis.
 SAME_UNIT = 1.25  #: Ratio within which the two are counted in one unit: a demanded current.
@@ -97,7 +98,7 @@ def _sort_positions(results: Sequence[Candidate]) -> None:
     for c, y in permutations(named(results, "yr")[:COMPARED], 2):
         if c.values.shape != y.values.shape or c.role != "y" or is_few(y.values):
             continue
-        beside = Beside.of(c, y)
+        beside = Beside(c, y)
         if beside.is_reference and (beside.is_few or not beside.is_near):
             c.role, y.role = "r", "y"
             c.why.append(f"moves without noise: the reference of {y.label}")
@@ -117,7 +118,7 @@ def _check_names(results: Sequence[Candidate]) -> None:
             continue
         if c.role not in ("v", "r") and not (c.role == "y" and c.estimated):
             continue
-        beside, what = Beside.of(c, y), ""
+        beside, what = Beside(c, y), ""
         if c.role == "v" and abs(beside.rate) <= (FOLLOWS if c.weak else GOES_WITH):
             what = "the rate of"
         elif c.role == "y" and beside.slowly < GOES_WITH:
@@ -127,6 +128,7 @@ def _check_names(results: Sequence[Candidate]) -> None:
             c.why[-1] = f"named like a reference, but lies within the noise of {y.label}"
         elif c.role == "r" and np.ptp(seen(c.values)) > 0:
             carries = c.unit in ("", "V") and not beside.is_few and is_control(c, y)
+            carries |= not beside.is_few and (si_unit(y.unit or "V"), c.unit) == ("m", "V")
             what = "a reference of" if carries or (c.weak and not beside.is_reference) else ""
         if what:
             c.role, c.estimated = "", False
@@ -269,7 +271,7 @@ def _beside(c: Candidate, y: Candidate) -> None:
     is_position = c.role == "y" and not c.estimated
     if c is y or c.values.shape != y.values.shape or (c.role and not is_position):
         return
-    beside = Beside.of(c, y)
+    beside = Beside(c, y)
     if (not is_position or c.why[-1] == BY_UNIT) and beside.is_reference:
         c.role = "r"
         c.why.append(f"follows, or leads, {y.label} without its noise")
