@@ -231,7 +231,7 @@ def test_the_verdict_on_a_machine(tmp_path):
     write_result([found, over], tmp_path / "v.html")
     page = (tmp_path / "v.html").read_text(encoding="utf-8")
     for words in ("Verdict on the loop of ufu_rig", "All limits are kept", "reviewed by",
-                  "closed loop over speed", "run-up from rest to 6000", "21940-11"):  # fmt: skip
+                  "closed loop over speed", "run-up from rest to 3000", "21940-11"):  # fmt: skip
         assert words in page
 
 
@@ -243,6 +243,23 @@ def test_the_verdict_says_which_axis_misses():
     rows = {row.key: row for row in found.rows if row.of == MEASUREMENT}
     assert rows["displacement"].kept is False
     assert rows["bode_holds"].value is True
+    loop = found.loops[MEASUREMENT]
+    assert loop.zone == "A" and loop.verdict > "A"
+    assert f"zone {loop.verdict} by " in found.finding
+    assert loop.cause.endswith("displacement") or "displacement and" in loop.cause
+
+
+def test_a_run_up_is_judged_to_the_machines_speed():
+    """Higher speeds are drawn and noted, but no limit is of them."""
+    turning = UFU.model_copy(update={"speed": 3000 * RPM})
+    over = ambkit.assess_speed(turning, "none", fastest="12000 rpm", count=5)
+    own = ambkit.assess_speed(turning, "none", fastest="3000 rpm", count=2)
+    assert over.judged == 2
+    assert (over.worst, over.farthest, over.hardest) == (own.worst, own.farthest, own.hardest)
+    assert over.finding == own.finding
+    assert over.orbit[2:].max() > own.orbit.max()
+    assert any(note.startswith("Beyond, to 12000 rpm: ") for note in over.notes)
+    assert not any("Beyond" in note for note in own.notes)
 
 
 def test_voltage_and_copper_of_a_machine():

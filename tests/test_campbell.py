@@ -7,6 +7,7 @@ from machine_cases import PRESETS, five_axes, machine, uncoupled
 from ambkit import AmbkitError, ConstantStiffness, Machine, campbell
 from ambkit.control.pid import PID
 from ambkit.machine.axes import isolated_axes
+from ambkit.result.report import Rule
 
 
 def test_modes_at_rest_are_those_of_its_axes_alone():
@@ -63,6 +64,11 @@ def test_the_axial_motion_is_neither_forward_nor_backward():
 
 def test_it_is_drawn():
     assert campbell(machine(), count=11).figure().image(".png")[:4] == b"\x89PNG"
+    turning = Machine.preset("tum_mlps_flexible")
+    found = campbell(turning, count=11)
+    frequencies = found.figure().panels[0]
+    assert {item.value for item in frequencies.items if isinstance(item, Rule)} == {turning.speed}
+    assert frequencies.y.limits[1] < 0.5 * found.poles.imag.max()  # high modes hide the others
     with pytest.raises(AmbkitError, match="fastest"):
         campbell(machine(), -1.0)
     with pytest.raises(AmbkitError, match="count"):

@@ -90,7 +90,12 @@ def test_the_verdict_says_how_warm_coils_are():
     assert hot.text() == "runs away"
     assert hot.kept is False
     unknown = ambkit.assess(ambkit.preset("zittau_axial"), "none")
-    assert any("thermal_resistance" in note for note in unknown.notes)
+    (lacking,) = (note for note in unknown.notes if "not known" in note)
+    assert lacking.endswith("the amplifier's resistance, and [coil] with thermal_resistance and "
+                            "temperature_limit.")  # fmt: skip
+    uncooled = ambkit.assess(WARM.replace(coil=None), "none")
+    assert any(note.endswith("they need [coil] with thermal_resistance and temperature_limit.")
+               for note in uncooled.notes)  # fmt: skip
 
 
 def test_a_run_up_warms_the_coils_of_a_machine():

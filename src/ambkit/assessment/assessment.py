@@ -31,12 +31,6 @@ BASIS = (
     "the machine."
 )
 
-
-NEEDED = (
-    "they need the amplifier's resistance, and [coil] with thermal_resistance and temperature_limit"
-)
-"""Inputs of the coil temperatures."""
-
 LQG, HINF = "LQG", "H-infinity"  #: Names of the loops with optimal controllers.
 
 CRITICAL, GRADES, PIECES = ("critical_speeds",), ("balance_grades",), ("pieces",)
@@ -109,7 +103,7 @@ class Assessment(Result):
     @property
     def finding(self) -> str:
         *others, judged = (
-            f"fed by {name}: zone {one.verdict}, peak of |S| {one.peak:.3f} at "
+            f"fed by {name}: zone {one.verdict}{one.cause}, peak of |S| {one.peak:.3f} at "
             f"{engineering(one.peak_frequency, 'Hz', 4)}" if one.stable else
             f"fed by {name}: unstable"
             for name, one in self.loops.items()
@@ -188,7 +182,16 @@ class Assessment(Result):
                 f"controller brings {S} below {self.least[0]:.3f} or {T} below {self.least[1]:.3f}."
             )
         if any(one.demands.heating is None for o in self.loops.values() for one in o.axes.values()):
-            notes.append(f"Coil temperatures are not known: {NEEDED}.")
+            lacking = {
+                "the amplifier's resistance": any(
+                    b.amplifier.resistance is None for b in self.of.isolated
+                ),
+                "[coil] with thermal_resistance and temperature_limit": any(
+                    b.coil is None for b in self.of.isolated
+                ),
+            }
+            needed = ", and ".join(what for what, is_lacking in lacking.items() if is_lacking)
+            notes.append(f"Coil temperatures are not known: they need {needed}.")
         wrong = [name for name, loop in self.loops.items() if not loop.integral.holds]
         if wrong:
             notes.append(

@@ -103,15 +103,30 @@ class AssessedLoop:
         return [] if self.stable else unstable_poles(self.loop)
 
     @property
-    def verdict(self) -> str:
-        """The worst of the zones of peak and displacement, A to D, or unstable; D if saturated."""
+    def zones(self) -> dict[str, str]:
+        """Zones A to D of peak, displacement and current, or unstable: D is a saturated current."""
         # Beyond a current limit no displacement follows from a linear model.
         limits = dict(zip(self.of.axes, self.of.isolated, strict=True))
         saturated = any(
             axis.demands.current > limits[name].current_max for name, axis in self.axes.items()
         )
-        d = self.demands
-        return self.zone if d is None else max(self.zone, "D" if saturated else d.zone)
+        zones = {"peak of |S|": self.zone}
+        if self.demands is not None:
+            zones["displacement"] = self.demands.zone
+            zones["control current"] = "D" if saturated else "A"
+        return zones
+
+    @property
+    def verdict(self) -> str:
+        """The worst of the zones."""
+        return max(self.zones.values())
+
+    @property
+    def cause(self) -> str:
+        """Quantities that bring the verdict above the zone of the peak, such as `` by current``."""
+        if self.verdict == self.zone:
+            return ""
+        return " by " + " and ".join(k for k, zone in self.zones.items() if zone == self.verdict)
 
 
 def assessed(name: str, loop: Loop, of: LoopBuilder) -> AssessedLoop:

@@ -89,6 +89,13 @@ class OverSpeed(Result):
         return min((limit for limit in limits if limit is not None), default=None)
 
     @property
+    def judged(self) -> int:
+        """Number of speeds up to the machine's speed; all if it is none of them."""
+        own = self.machine.speed
+        count = int(np.searchsorted(self.speed, own * (1 - 1e-9))) + 1
+        return count if own and count < len(self.speed) else len(self.speed)
+
+    @property
     def worst(self) -> tuple[float, float]:
         """Maximum of abs(S) [1], and its speed [rad/s]; infinite if unstable there."""
         return self._max_and_speed(self.peaks, unknown=np.inf)
@@ -108,21 +115,24 @@ class OverSpeed(Result):
         """Maximum share of a current limit [1], and its speed [rad/s]."""
         return self._max_and_speed(self.current / self.current_limit)
 
-    def _max_and_speed(self, share: Array, unknown: float = -np.inf) -> tuple[float, float]:
-        parts = np.where(np.isnan(share), unknown, share).max(axis=1)
+    def _max_and_speed(
+        self, share: Array, unknown: float = -np.inf, beyond: bool = False
+    ) -> tuple[float, float]:
+        where = slice(self.judged, None) if beyond else slice(self.judged)
+        parts = np.where(np.isnan(share), unknown, share).max(axis=1)[where]
         at = int(np.argmax(parts))
-        return float(parts[at]), float(self.speed[at])
+        return float(parts[at]), float(self.speed[where][at])
 
     TITLE = "Loop of {0.machine.name} over speed"
 
     @property
     def finding(self) -> str:
-        peak, at = self.worst
-        return (
-            f"{self.machine.name}, controllers fed by {self.fed_by}, to "
-            f"{units.rpm(float(self.speed[-1]))}: zone {self.zone}, peak {peak:.3f} at "
-            f"{units.rpm(at, 4)}."
-        )
+        text = f"{self.machine.name}, controllers fed by {self.fed_by}, to {self._end}: "
+        return f"{text}{_zone_and_peak(*self.worst)}."
+
+    @property
+    def _end(self) -> str:
+        return units.rpm(float(self.speed[self.judged - 1]))
 
     @property
     def rows(self) -> list[Row]:
@@ -157,17 +167,20 @@ class OverSpeed(Result):
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
-        end, own = units.rpm(float(self.speed[-1])), units.rpm(self.machine.speed)
+        own = units.rpm(self.machine.speed)
         return {
-            MAXIMA: Section(f"{self.machine.name}, a slow run-up from rest to {end}"),
+            MAXIMA: Section(f"{self.machine.name}, a slow run-up from rest to {self._end}"),
             ("bode",): Section("Check: Bode's integral of ln|det S|", across=True),
             ("critical_speeds",): Section(f"Separation of {own} from critical speeds", across=True),
         }
 
     @property
     def notes(self) -> list[str]:
-        compared = reduction(self.machine)
-        return [] if compared is None or compared.good else [f"{compared.text()}."]
+        notes, compared = [], reduction(self.machine)
+        if self.judged < len(self.speed):
+            peak = self._max_and_speed(self.peaks, unknown=np.inf, beyond=True)
+            notes = [f"Beyond, to {units.rpm(float(self.speed[-1]))}: {_zone_and_peak(*peak)}."]
+        return notes if compared is None or compared.good else [*notes, f"{compared.text()}."]
 
     @property
     def series(self) -> dict[str, Any]:
@@ -189,6 +202,14 @@ class OverSpeed(Result):
 
     def figures(self) -> list[Figure]:
         return [over_speed_figure(self, ZONES), run_up_figure(self)]
+
+
+def _zone_and_peak(peak: float, speed: float) -> str:
+    at = units.rpm(speed, 4)
+    return (
+        f"unstable from {at} on" if math.isinf(peak)
+        else f"zone {zone_of(peak)}, peak of |S| {peak:.3f} at {at}"
+    )  # fmt: skip
 
 
 @one_thread()

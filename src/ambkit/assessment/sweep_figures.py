@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
+from typing import Any, Literal
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from ambkit.judge.loop.margins import grid
 from ambkit.judge.loop.measured_sensitivity import MeasuredSensitivity
 from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel, Points, Rule, Vector
 from ambkit.result.row import ZERO
-from ambkit.rotordynamics.campbell import SPEED
+from ambkit.rotordynamics.campbell import SPEED, operating_speed
 
 Zones = Sequence[tuple[str, float]]
 
@@ -131,6 +132,7 @@ def _decibels(sizes: Array) -> Array:
 
 SLOW = 2.0  #: Upper end of the modes' axis, over the peak's frequency or the speed.
 ZONES = "upper limits of zones A, B, C"  #: Label of their lines.
+LINEAR = 20.0  #: Highest peak of abs(S) on a linear axis.
 DAMPED = 0.995  #: Damping ratio above which a mode counts as overdamped.
 
 
@@ -143,6 +145,8 @@ def over_speed_figure(result: Any, zones: Sequence[tuple[str, float]]) -> Figure
     ]
     peaks += _of_axes(result, result.peaks)
     peaks.append(Line(result.speed, result.largest, signal="bound", label="largest singular value"))
+    speed_axis = replace(SPEED, limits=(0.0, float(result.speed[-1])))
+    own_speed = operating_speed(result.machine)
     top = SLOW * max(float(result.speed[-1]), 2 * math.pi * _fastest_mode(result))
     speeds, frequencies, ratios = list[float](), list[float](), list[float]()
     for speed, poles in zip(result.speed, result.poles, strict=True):
@@ -160,6 +164,8 @@ def over_speed_figure(result: Any, zones: Sequence[tuple[str, float]]) -> Figure
     ]
     damping: list[Item] = [Points(at, np.array(ratios), signal="mode", label="")]
     highest = max(3.5, 1.1 * float(np.nanmax(np.append(result.largest, result.peaks))))
+    scale: Literal["linear", "log"] = "log" if highest > LINEAR else "linear"
+    peak_axis = Axis("peak of |S|", scale=scale, limits=(1.0, highest))
     return Figure(
         "over-speed",
         f"{markdown(result.machine.name)}: closed loop over speed, controllers fed by "
@@ -167,9 +173,9 @@ def over_speed_figure(result: Any, zones: Sequence[tuple[str, float]]) -> Figure
         "Each axis with all other loops closed; the worst one decides the zone of ISO 14839-3. "
         "Right: oscillating modes of rotor, controllers and filter together.",
         [
-            Panel(SPEED, Axis("peak of |S|", limits=(1.0, highest)), peaks, title="Sensitivity"),
-            Panel(SPEED, Axis("frequency", "Hz", 1 / (2 * math.pi)), modes, title="Campbell"),
-            Panel(SPEED, Axis("damping ratio", limits=(0.0, 1.0)), damping, title="Damping"),
+            Panel(speed_axis, peak_axis, peaks + own_speed, title="Sensitivity"),
+            Panel(speed_axis, Axis("frequency", "Hz", 1 / (2 * math.pi)), modes, title="Campbell"),
+            Panel(speed_axis, Axis("damping ratio", limits=(0.0, 1.0)), damping, title="Damping"),
         ],
         columns=3,
         panel_height=2.8,
@@ -183,7 +189,7 @@ def run_up_figure(result: Any) -> Figure:
         Rule(limit, signal="limit", text=name, label=ZONES if k == 0 else "")
         for k, (name, limit) in enumerate(ROOM)
     ]
-    room += _of_axes(result, shares)
+    room += _of_axes(result, shares) + operating_speed(result.machine)
     current: list[Item] = [Rule(1.0, signal="limit", label="limit")]
     used = result.current / result.current_limit
     current += _of_axes(result, used)

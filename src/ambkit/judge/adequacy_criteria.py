@@ -11,6 +11,7 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
+from ambkit.control.control import Control
 from ambkit.control.linear.steady_state_filter import tangents_known
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
@@ -315,6 +316,9 @@ def _margins(filter: Estimator, plant: Any, control: Any, own_control: bool) -> 
         fatal = peak >= limit
         if fatal and not own_control and loop_peak(plant, KalmanFilter(plant)) >= limit:
             fatal, text = False, f"{text}; with the default filter too: the controller is at fault"
+            lqg = loop_peak(plant, filter, Control(type="lqg"))
+            if lqg < peak:
+                text += f'; type = "lqg" in [controller] has {lqg:.3g}'
     yield Finding("peak of |S|", peak, "1", limit, text, fatal)
 
 

@@ -1,7 +1,7 @@
 """Campbell diagram of a machine: its poles over the speed of rotation."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,7 +13,7 @@ from ambkit.base.quantity_arguments import QuantityLike
 from ambkit.judge.modal_reduction import Reduction, reduction
 from ambkit.judge.whirl_modes import WhirlModes, whirl_modes
 from ambkit.machine.machine import Machine
-from ambkit.result.report import Axis, Figure, Item, Line, Panel
+from ambkit.result.report import Axis, Figure, Item, Line, Panel, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 from ambkit.rotordynamics.separation_margins import Separations, separations
@@ -32,6 +32,8 @@ class Campbell(WhirlModes, Result):
             for is_damped in (True, False)
         )
         beside = f" Critically damped: {damped} (amplification factor below 2.5)." if damped else ""
+        if self.machine.speed:  # the separation of the closed loop counts then
+            return f"{self.machine.name}: {self._separations.sentence()}."
         speeds = f"{self.machine.name} up to {self._end}: {sharp or 'none'}"
         return f"Critical speeds of {speeds} (API 617).{beside}"
 
@@ -60,7 +62,7 @@ class Campbell(WhirlModes, Result):
     @property
     def notes(self) -> list[str]:
         compared = self._modes_left_out
-        notes = [self._separations.sentence(), IDEAL] if self.machine.speed else []
+        notes = [IDEAL] if self.machine.speed else []
         return notes + ([] if compared is None else [compared.text()])
 
     @property
@@ -99,6 +101,12 @@ FREQUENCY = Axis("frequency", "Hz", 1 / (2 * math.pi))
 DAMPING = Axis("damping ratio")
 
 
+def operating_speed(machine: Machine) -> list[Item]:
+    """Return a vertical line at a machine's speed, none at standstill."""
+    speed, text = abs(machine.speed), "operating speed"
+    return [Rule(speed, axis="x", signal="reference", text=text, label="")] if speed else []
+
+
 def campbell_figure(result: Campbell) -> Figure:
     """Plot frequencies and damping of a rotor's modes over its speed."""
     speed, poles, whirl = result.speed, result.poles, result.whirl
@@ -107,8 +115,13 @@ def campbell_figure(result: Campbell) -> Figure:
         Line(speed, poles[:, k].imag, signal=line_styles[way], label=way)
         for k, way in enumerate(whirl)
     ]
-    near = speed <= 1.2 * poles.imag.max()
+    # All modes of the rigid body and the first of bending, and what the speed can come near to.
+    highest = np.sort(poles.imag.max(axis=0))
+    lower = highest[: len(result.machine.axes) + 2]
+    top = 1.05 * min(highest[-1], max(lower[-1], 2 * speed[-1]))
+    near = speed <= 1.2 * highest[-1]
     frequencies.append(Line(speed[near], speed[near], signal="constant", label="speed of rotation"))
+    frequencies += operating_speed(result.machine)
     damping: list[Item] = [
         Line(speed, -poles[:, k].real / np.abs(poles[:, k]), signal=line_styles[way], label=way)
         for k, way in enumerate(whirl)
@@ -118,6 +131,9 @@ def campbell_figure(result: Campbell) -> Figure:
         title=f"Campbell diagram of {markdown(result.machine.name)}",
         caption="Modes of the rotor on its controllers; where a forward whirl meets the speed of "
         "rotation, unbalance excites it.",
-        panels=[Panel(SPEED, FREQUENCY, frequencies), Panel(SPEED, DAMPING, damping)],
+        panels=[
+            Panel(SPEED, replace(FREQUENCY, limits=(0.0, float(top))), frequencies),
+            Panel(SPEED, DAMPING, damping),
+        ],
         panel_height=2.4,
     )

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambkit.base.units import engineering, percent
 from ambkit.control.control_candidates import PIDS
@@ -48,8 +49,11 @@ def described(machine: Machine) -> tuple[str, tuple[Remark, ...]]:
     ]
     remarks = [Remark(_of_the_poles(machine)), *of_bending(machine), *of_shared_iron(machine)]
     if machine.speed:
-        remarks.append(Remark(default_control(machine).summary))
-        remarks.append(Remark(separations(machine).sentence()))
+        remarks = [
+            Remark(separations(machine).sentence()),
+            Remark(default_control(machine).summary),
+            *remarks,
+        ]
     return "; ".join(about), tuple(remarks)
 
 
@@ -172,11 +176,11 @@ def _nodes(machine: Machine, bending: Bending) -> Iterator[Remark]:
             if entry.type in ("axial", "thrust"):
                 continue
             out = bending.shape(entry.place)
-            for k in np.flatnonzero(np.abs(out[:modes]) < NODE):
+            if nodes := _modes(bending, np.abs(out[:modes]) < NODE):
                 what = "does not see it" if key == "sensor" else "does not hold it"
                 yield Remark(
-                    f"{key} {entry.name} at {engineering(entry.place, 'm')} is at a node of mode "
-                    f"{k + 1}, {_hertz(bending.frequency[k])}, and {what}",
+                    f"{key} {entry.name} at {engineering(entry.place, 'm')} is at a node of "
+                    f"{nodes}, and {what}",
                     (key, at, "place"),
                 )
     for at, bearing in enumerate(machine.bearings):
@@ -185,13 +189,19 @@ def _nodes(machine: Machine, bending: Bending) -> Iterator[Remark]:
             continue
         near = min(radial, key=lambda item: abs(item.place - bearing.place))
         pull, seen = bending.shape(bearing.place), bending.shape(near.place)
-        for k in np.flatnonzero(pull[:modes] * seen[:modes] < 0):
+        if nodes := _modes(bending, pull[:modes] * seen[:modes] < 0):
             yield Remark(
-                f"a node of mode {k + 1}, {_hertz(bending.frequency[k])}, is between bearing "
-                f"{bearing.name} and its sensor {near.name}: a controller that damps the measured "
-                "motion excites this mode",
+                f"a node of {nodes}, is between bearing {bearing.name} and its sensor "
+                f"{near.name}: a controller that damps the measured motion excites this mode",
                 ("bearing", at, "place"),
             )
+
+
+def _modes(bending: Bending, which: NDArray[np.bool_]) -> str:
+    """Return bending modes with their frequencies, empty for none."""
+    return " and of ".join(
+        f"mode {k + 1}, {_hertz(bending.frequency[k])}" for k in np.flatnonzero(which)
+    )
 
 
 def _held(machine: Machine, bending: Bending) -> Remark:

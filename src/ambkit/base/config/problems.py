@@ -112,7 +112,7 @@ def _of_tables(model: type[BaseModel], path: Path) -> bool:
 
 def nearest(name: str, keys: Sequence[str]) -> str | None:
     """Return the key with the most similar spelling, or the only one with a common word."""
-    near = difflib.get_close_matches(name, keys, 1)
+    near = difflib.get_close_matches(name, keys, 1, cutoff=0.65)
     words = set(name.split("_"))
     akin = [key for key in keys if words & set(key.split("_"))]
     return near[0] if near else akin[0] if len(akin) == 1 else None

@@ -155,7 +155,8 @@ class Figure:
             ax = canvas.add_subplot(grid[divmod(index, self.columns)], sharex=below)
             panel.draw(ax)
             if self.columns > 1 and isinstance(ax.xaxis.get_major_locator(), AutoLocator):
-                ax.locator_params(axis="x", nbins=6)  # long numbers would overlap
+                # Long numbers would overlap.
+                ax.locator_params(axis="x", nbins=6 if self.columns == 2 else 4)
             if below:
                 ax.set_xlabel("")
                 ax.tick_params(axis="x", which="both", labelbottom=False)
