@@ -244,7 +244,8 @@ def test_the_verdict_says_which_axis_misses():
     assert rows["displacement"].kept is False
     assert rows["bode_holds"].value is True
     loop = found.loops[MEASUREMENT]
-    assert loop.zone == "A" and loop.verdict > "A"
+    assert loop.zone == "A"
+    assert loop.verdict > "A"
     assert f"zone {loop.verdict} by " in found.finding
     assert loop.cause.endswith("displacement") or "displacement and" in loop.cause
 
