@@ -220,7 +220,7 @@ def with_error(value: float, error: float) -> str:
         return f"{value:.3g}"
     if abs(value) >= 1e12 or error >= 1e6:
         return f"{value:.3g} ± {error:.2g}"
-    if error == 0:
+    if error <= 1e-9 * abs(value):  # rounding
         return f"{value:.4g} ± 0"
     decimals = max(0, 1 - math.floor(math.log10(error)))
     return f"{value:.{decimals}f} ± {error:.{decimals}f}"
