@@ -85,6 +85,7 @@ HEADERS = (
     "t;x;x_dach;v_dach;u = t y xe ve u",
     "t,r_A,i_A = t y i",
     "t_ctrl,gap,cmd_A = t y u",
+    "temps_ms,dep_x_um,cde_x_A = t y u",
     "t,hall_m,electromagnet_current,command_m = t y i r",
     "Zeit;Kugelhöhe mm;Magnetstrom A;Sollhöhe mm = t y i r",
     "tg_time,amb1_disp_um,amb1_cmd_A,amb1_fbk_A = t y u i",

@@ -394,6 +394,7 @@ def test_instruments_heads_are_read(tmp_path, head):
     ("t,y,i_cmd,F", "t y u force", 3000, "u: i_cmd or F"),
     ("t,temperature,position", "t y u", 3000, "y: position: named so"),
     ("t,a,b,c", "t y i3 u2", 3000, "u: c or b: it goes with it"),
+    ("t,z_filt,i", "t xe i", 3000, "y: z_filt: an estimate"),
 ])  # fmt: skip
 def test_ambiguity_is_said(tmp_path, head, marks, size, line):
     rig = of_a_rig(size)
@@ -456,6 +457,8 @@ def test_names_in_national_encodings_are_read(tmp_path, codec, header):
 @pytest.mark.parametrize(("head", "marks", "wanted"), [
     ("t,y,u,velocity", "t y u n", {}),  # a speed of rotation
     ("t,y,u [A],bias [A]", "t y u bias", {}),
+    ("t,y,bias [A],u [A]", "t y bias u", {}),
+    ("t,y,i [A],dc_link [V]", "t y i T", {"u": "i"}),
     ("t,y,u,x_ref", "t y u xe", {"x_logged": "x_ref"}),
     ("t,y,u,x_obs", "t y u T", {}),
     ("t,Sensor A,Sensor B,u", "t twin y u", {"y": "Sensor A"}),

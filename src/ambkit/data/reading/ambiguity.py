@@ -35,9 +35,14 @@ def ambiguities(
         if u is not None and rivals:
             yield "u", (u, *rivals[:2]), "no channel is a position that confirms it"
         return
+    if y.estimated:
+        yield "y", (y,), "an estimate, but no channel is its reading"
     alike = [c for c in channels if c.values.shape == y.values.shape and c is not y]
+    controls = [c for c in alike if (c.called in ("u", "i") or c.unit == "A") and c is not u]
     for c, why in _readings(y, alike):
-        yield "y and x_logged" if c is chosen.get("x_logged") else "y", (y, c), why
+        others = () if u is None or answers(c, u) > PASSED else controls[:COMPARED]
+        if not any(answers(c, other) > PASSED for other in others):  # of another axis
+            yield "y and x_logged" if c is chosen.get("x_logged") else "y", (y, c), why
     if u is None and moves is None:
         sources = [c for c in alike[:COMPARED] if is_control(y, c)]
         yield "y", (y, *sources), "named so, but no motion confirms it"

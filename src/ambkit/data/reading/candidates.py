@@ -132,11 +132,11 @@ _HOLDERS = re.compile(r"values?|data|signals?|\d*|(?:out|in)\d*|yout|logsout|sim
 """Parts of a name that say nothing, as of a structure that Simulink saves."""
 
 
-def role_from_name(candidate: Candidate) -> None:
-    """Read role and unit from the name."""
+def role_from_name(candidate: Candidate, *, planes: bool) -> None:
+    """Read role and unit from the name; an A at its end may be a plane."""
     if candidate.role:
         return
-    label = _own_part(_without_unit(candidate))
+    label = _own_part(_without_unit(candidate, planes))
     named = role_of(label)
     role, candidate.estimated = named.role, named.estimated
     candidate.called = role
@@ -164,7 +164,7 @@ def role_from_name(candidate: Candidate) -> None:
         candidate.why.append(BY_UNIT)
 
 
-def _without_unit(candidate: Candidate) -> str:
+def _without_unit(candidate: Candidate, planes: bool) -> str:
     """Return the name without the unit that it ends with or has in brackets; keep that unit."""
     label, name, unit = candidate.label, candidate.label, candidate.unit
     if not unit and (inside := _UNIT_IN_BRACKETS.fullmatch(label)):
@@ -175,7 +175,7 @@ def _without_unit(candidate: Candidate) -> str:
         bare, place = role_of(name), (at_end["sign"] or "").isspace()
         # x_A is in the plane A, and in no amperes.
         if (len(unit) == 1 and place and bare.role not in _OF_LETTERS.get(unit, "")) or (
-            unit == "A" and not place and bare.of_what
+            unit == "A" and planes and not place and bare.of_what
             and (bare.role == "y" or (bare.role == "r" and bare.weak))
         ):  # fmt: skip
             return label

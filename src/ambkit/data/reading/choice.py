@@ -53,6 +53,8 @@ def choose(results: list[Candidate], moves: Rotor | None) -> dict[str, Candidate
         position = chosen.get("x_logged", chosen.get("y")) if role == "v" else None
         if logged:
             chosen[name] = max(logged, key=lambda c: (c.estimated, _goes_as_rate(c, position)))
+    if "y" not in chosen and "x_logged" in chosen:
+        chosen["y"] = chosen.pop("x_logged")
     order = ("t", "y", "u", "control", "r", "i", "x_logged", "v_logged", "k")
     return {_NAMES.get(role, role): chosen[role] for role in order if role in chosen}
 

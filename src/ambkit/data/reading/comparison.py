@@ -26,6 +26,7 @@ LEADS = 1.2  #: Ratio by which a command leads the current that follows it, in c
 LAGS = 6  #: Samples in which a controller passes on the noise of its position.
 PASSED = 0.05  #: Part of a control's noise that is that of its position, at least.
 AT_ONCE = 0.5  #: Part of the noise passed on that a copy passes on in the same sample.
+CHANCE = 4.4  #: Colour that 1 % of white noises exceed, times the root of their samples.
 STEADY = 0.15  #: Change of the time of a turn from one to the next, over that time.
 
 
@@ -134,7 +135,7 @@ def feeds(y: Candidate, u: Candidate) -> bool:
     if answers(y, u) < PASSED:
         return False
     pair = [abs(colour(interpolated(c.values))) for c in (y, u)]
-    if max(pair) < WHITE:  # what differs is chance
+    if max(pair) < max(WHITE, CHANCE / y.values.size**0.5):  # what differs is chance
         return amplifies(u, y)
     whiter = [own < min(WHITE, other / 2) for own, other in (pair, pair[::-1])]
     return whiter[0] or (amplifies(u, y) and not whiter[1])

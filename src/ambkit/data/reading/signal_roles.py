@@ -35,6 +35,7 @@ from ambkit.data.reading.comparison import (
     is_filter_of,
     leads,
     marks,
+    rate_likeness,
 )
 from ambkit.data.reading.position_search import RELATED, Rotor, in_steps
 from ambkit.data.reading.rotor_roles import find_rotor
@@ -43,6 +44,7 @@ from ambkit.data.signals import si_unit
 OWN = 3.0  #: Ratio of the noise that a control has of its own position to that of another axis.
 SAME_UNIT = 1.25  #: Ratio within which the two are counted in one unit: a demanded current.
 EVEN = 0.2  #: Part of the usual step by which the steps of a time without a name differ at most.
+LENGTH = re.compile(r"[_ ](?:[nuµμ]m|mm|mils?)$", re.I)  #: At the end of a name.
 LARGEST, SHORT = 0.6, 0.25  #: Shares of a turn that a mark takes, with a name and without one.
 
 
@@ -50,7 +52,9 @@ def find_roles(results: list[Candidate]) -> Rotor | None:
     """Give each candidate the role that its name, its unit or its motion speak for."""
     _read_names(results)
     _find_time(results)
-    results.sort(key=lambda c: c.role == "y" != c.called)  # a unit says less than a name
+    results.sort(key=lambda c: (  # a unit says less than a name, and a bias current is constant
+        c.role == "y" != c.called or (c.role in ("u", "i") and np.ptp(seen(c.values)) == 0)
+    ))  # fmt: skip
     _sort_positions(results)
     _check_names(results)
     _leave_other_axes(results)
@@ -72,9 +76,10 @@ def find_roles(results: list[Candidate]) -> Rotor | None:
 
 def _read_names(results: Sequence[Candidate]) -> None:
     """Take the roles that names and units say; a constant has none."""
+    planes = not any(LENGTH.search(c.label) for c in results)  # else names end with units
     for c in results:
         c.values = np.where(np.isfinite(c.values), c.values, np.nan)
-        role_from_name(c)
+        role_from_name(c, planes=planes)
         if c.role == "k":
             c.why.append(marks(c, LARGEST) or "without marks of a turn")
             c.role = "k" if c.why[-1][0] == "t" else "-"
@@ -232,7 +237,11 @@ def _take(known: Candidate, left: Sequence[Candidate], role: str) -> None:
 
 def _find_stage(results: list[Candidate]) -> None:
     """See whether a control signal drives the current that was measured, in other units."""
-    u, i = (next(iter(named(results, role)), None) for role in "ui")
+    i, y = (next(iter(named(results, role)), None) for role in "iy")
+    for c in [c for c in named(results, "u") if c.drives and i and _is_supply(c, i, y)]:
+        c.role = "-"
+        c.why.append("drives no current: a supply")
+    u = next(iter(named(results, "u")), None)
     # V, if it is no velocity; a duty in per cent, or volts.
     u = u or next((c for c in results if not c.role and (c.weak or c.unit in ("%", "V"))), None)
     if u is None or i is None or u.values.shape != i.values.shape:
@@ -245,6 +254,14 @@ def _find_stage(results: list[Candidate]) -> None:
     if u.drives:
         ratio, u.role = np.nanmean(current) / np.nanmean(command), "u"
         u.why.append(f"drives {i.label}, {ratio:.3g} A per unit: a duty or a voltage")
+
+
+def _is_supply(c: Candidate, i: Candidate, y: Candidate | None) -> bool:
+    """Whether neither a current nor the noise of a position is in the voltage of a power stage."""
+    if c.values.shape != i.values.shape or (y is not None and answers(y, c) > PASSED):
+        return False
+    likeness = correlation(c.slow, i.slow), rate_likeness(c, i)
+    return max(map(abs, likeness)) < GOES_WITH
 
 
 def in_one_unit(command: Candidate, current: Candidate) -> bool:
