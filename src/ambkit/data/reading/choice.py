@@ -50,20 +50,15 @@ def choose(results: list[Candidate], moves: Rotor | None) -> dict[str, Candidate
         chosen["control"], chosen["u"] = chosen["u"], chosen.pop("i")
     for role, name in (("y", "x_logged"), ("v", "v_logged")):
         logged = [c for c in results if c.role == role and (c.estimated or role == "v")]
-        position = chosen.get("x_logged", chosen.get("y")) if role == "v" else None
+        of = [chosen[n] for n in ("x_logged", "y") if n in chosen and role == "v"][:1]
+        alike = [(c, x) for c in logged for x in of if c.values.shape == x.values.shape]
+        likeness = {id(c): rate_likeness(c, x) for c, x in alike}
         if logged:
-            chosen[name] = max(logged, key=lambda c: (c.estimated, _goes_as_rate(c, position)))
+            chosen[name] = max(logged, key=lambda c: (c.estimated, likeness.get(id(c), 0.0)))
     if "y" not in chosen and "x_logged" in chosen:
         chosen["y"] = chosen.pop("x_logged")
     order = ("t", "y", "u", "control", "r", "i", "x_logged", "v_logged", "k")
     return {_NAMES.get(role, role): chosen[role] for role in order if role in chosen}
-
-
-def _goes_as_rate(c: Candidate, position: Candidate | None) -> float:
-    """Return how much a velocity follows the rate of a position, 0 where none is there."""
-    if position is None or c.values.shape != position.values.shape:
-        return 0.0
-    return rate_likeness(c, position)
 
 
 def _jumps(clock: Candidate) -> int:

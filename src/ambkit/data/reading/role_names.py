@@ -53,7 +53,6 @@ _QUANTITIES = {
          r"traferro|wei[yz]h?i|wy|qixi|jianxi|juli|положени\w*|смещени\w*|перемещ\w*|зазор|датчик|传感器|"
          r"位移|位置|气隙|间隙|変位|ギャップ|隙間|空隙|センサ",
 }  # fmt: skip
-_SPEED = r"speed"
 _DEMAND = (
     r"\w*soll|sollwert|ref|reference|referen[zc]\w*|consign[ea]|riferimento|set|set_?po?i?n?ts?|"
     r"setp|sp|desired|des|dem|target|tgt|demand\w*|request\w*|comm?and\w*|cmd|\w*vorgabe|"
@@ -129,7 +128,7 @@ def _role_of(words: list[str]) -> NamedRole:
     quantity, weak = quantity or (of_plane if placed else ""), False
     if quantity == "i" and {"u", "v"} & {*words} and has(r"coil|spule"):  # V_coil is a voltage
         quantity = "stage"
-    if not quantity and has(_SPEED):
+    if not quantity and has("speed"):
         quantity = "-" if has("rotor|shaft|spindle|motor|rot|rotation\\w*") else "v"
     if not quantity:
         letters = [_LETTERS[word] for word in words if _LETTERS.get(word)]

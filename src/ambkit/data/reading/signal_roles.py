@@ -246,13 +246,11 @@ def _find_stage(results: list[Candidate]) -> None:
     u = u or next((c for c in results if not c.role and (c.weak or c.unit in ("%", "V"))), None)
     if u is None or i is None or u.values.shape != i.values.shape:
         return
-    command, current = slow(u.values), slow(i.values)
-    likeness = correlation(command, current)
-    if u.drives or u.unit == "A" or not likeness > GOES_WITH:
+    if u.drives or u.unit == "A":
         return
-    u.drives = likeness > FOLLOWS and not in_one_unit(u, i)
+    u.drives = correlation(u.slow, i.slow) > FOLLOWS and not in_one_unit(u, i)
     if u.drives:
-        ratio, u.role = np.nanmean(current) / np.nanmean(command), "u"
+        ratio, u.role = np.nanmean(i.slow) / np.nanmean(u.slow), "u"
         u.why.append(f"drives {i.label}, {ratio:.3g} A per unit: a duty or a voltage")
 
 
