@@ -317,7 +317,7 @@ def test_the_command_writes_it(call, tmp_path):
             ["tum_mlps", "--add", "calibration", "--filter", "augmented"],
             "more than noise, gate, mass and k",
         ),
-        (["zittau_axial", "--filter", "linear+unbalance"], "is of a rotor that turns"),
+        (["zittau_axial", "--filter", "linear+unbalance"], "is of a rigid or flexible rotor"),
         (["zittau_axial", "--editable"], "editable applies to filters only"),
     ],
 )

@@ -59,10 +59,12 @@ def test_the_default_estimates_what_rotates_by_the_description():
     assert [state.role for state in default_filter(spun).states].count("unbalance") == 2
 
 
-@pytest.mark.parametrize("name", ["hindawi_2011", "compressor"])
-def test_the_default_is_consistent_with_an_unbalance(name):
-    """Without the unbalance among its states it is so in 28 and 0 % of the samples."""
-    machine = Machine.preset(name)
+@pytest.mark.parametrize("machine", [
+    Machine.preset("hindawi_2011"), Machine.preset("compressor"),
+    BEARING.replace(speed=300.0, sensor__runout=(Runout(order=1, amplitude=20e-6),)),
+])  # fmt: skip
+def test_the_default_is_consistent_with_unbalance_or_runout(machine):
+    """Without synchronous states it is so in 28, 0 and 0 % of the samples."""
     score = score_defaults(machine, runs=1)
     kind = default_name(machine)
     assert CONSISTENT[0] <= score.nees[kind] <= CONSISTENT[1]
@@ -74,6 +76,10 @@ def test_an_unbalance_that_the_filter_does_not_estimate_is_reported():
     spun = Machine.preset("hindawi_2011")
     (note,) = (of for of in ambkit.simulate(spun, filter="extended").notes if "unbalance" in of)
     assert "'+unbalance'" in note
+    more = [at.model_copy(update={"amount": 5 * spun.unbalances()[0][1], "grade": None})
+            for at in spun.unbalance]  # fmt: skip
+    notes = ambkit.simulate(spun.replace(unbalance=more), filter=default_filter(spun)).notes
+    assert any("unbalance U1 is 7" in text and "correct the amount" in text for text in notes)
     for machine, filter in ((spun, None), (spun.replace(unbalance=[]), "extended")):
         notes = ambkit.simulate(machine, filter=filter).notes
         assert not any("with the unbalance" in text for text in notes)

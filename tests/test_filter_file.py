@@ -208,7 +208,7 @@ OF_CONTACT = f"{OF_TUM}[options]\n".replace("extended", "contact")
     (OF_TUM + '[magnet]\nfile = "f.toml"\n', "[magnets.NAME] for each bearing"),
     (OF_TUM + '[magnets.A]\nfile = "f.toml"\n', "magnets: must be of A, B, is of A"),
     ('kind = "extended"\nsampling_time = "0.25 ms"\nmachine.preset = "zittau_axial"\n'
-     'synchronous = ["unbalance"]\n', "4: synchronous: is of a rotor that turns"),
+     'synchronous = ["unbalance"]\n', "4: synchronous: unbalance is of a rigid or"),
     ('kind = "extended"\nsampling_time = "0.25 ms"\nmachine.preset = "zittau_axial"\n[noise]\n'
      'control = ["1 V^2", "1 V^2"]\n', "5: noise.control: must be one number, is 2"),
 ])  # fmt: skip

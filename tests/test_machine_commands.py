@@ -24,7 +24,7 @@ def test_the_commands_take_a_machine(call):
     for refused, text in (
         (("simulate", "tum_mlps", "--plant", "map.csv"), "is the magnet of one axis"),
         (("simulate", "tum_mlps", "--filter", "observer"), "takes one axis"),
-        (("simulate", "zittau_axial", "--filter", "linear+runout"), "a mass does not"),
+        (("simulate", "zittau_axial", "--filter", "linear+unbalance"), "a mass has runout at most"),
         (("filter", "run.csv", "--machine", "ufu_rig"), "the record has no y_A1"),
     ):
         done = call(*refused)

@@ -242,8 +242,8 @@ def test_each_is_switched_on_by_name():
     assert len(KalmanFilter(one, synchronous=["runout"]).states) == count + 4
     with pytest.raises(ValueError, match="some of unbalance and runout, got 'hum'"):
         KalmanFilter(one, synchronous=("hum",))
-    with pytest.raises(ValueError, match="of a rotor that turns"):
-        KalmanFilter(one.isolated_axis("A1"), synchronous=("runout",))
+    with pytest.raises(ValueError, match="unbalance is of a rigid or flexible rotor"):
+        KalmanFilter(one.isolated_axis("A1"), synchronous=("unbalance",))
 
 
 def test_a_filter_that_has_turned_comes_back():

@@ -319,8 +319,6 @@ def _factory(filter: Any, machine: Machine, choice: Sequence[str]) -> FromKind |
         return FromFile(_exportable(in_memory(filter), filter.name, choice), filter.magnet)
     text = os.fspath(filter)
     name, *synchronous = text.split(PLUS)
-    if synchronous and machine.rotor.type == "mass":
-        raise AmbkitError(f"filter: {text} is of a rotor that turns; {machine.name} is a mass")
     if name in choice:
         return FromKind(name, machine, learned_magnet(name, machine), tuple(synchronous))
     if text in KINDS:

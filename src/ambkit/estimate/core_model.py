@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision, core_module
+from ambkit.machine.placement_checks import OF_A_ROTOR
 from ambkit.models.declaration import Part, Plan
 from ambkit.models.machine_parts import compose, machine_parts, paper_pattern, printed, sampled
 from ambkit.models.model import ENUMERATORS, ROLES, Model, compressed_rows
@@ -21,11 +22,6 @@ from ambkit.models.parts import SYNCHRONOUS
 from ambkit.models.parts.speed_error import NAME
 
 NODE = 0.02  #: Radians per sample between the speeds at which a scheduled model is computed.
-VAGUE = 3.0
-"""Initial standard deviation of unbalance and runout, over the expected size: in a run-up the
-speeds determine them, rather than the start.
-"""
-
 GROWTH = 1e3  #: Acceleration for the transverse part of the unbalance force [rad/s^2].
 
 
@@ -79,8 +75,8 @@ class Engine:
         if unknown:
             known = " and ".join(SYNCHRONOUS)
             raise ValueError(f"synchronous must be some of {known}, got {unknown[0]!r}")
-        if synchronous and machine.rotor.type == "mass":
-            raise ValueError("synchronous states are of a rotor that turns; a mass does not")
+        if "unbalance" in synchronous and machine.rotor.type == "mass":
+            raise ValueError(f"unbalance {OF_A_ROTOR}")
         if as_printed and not machine.single:
             raise ValueError(f"eq. 19 as printed has one axis; {machine.name} has several")
         plan = _plan(machine, *self._made_of)

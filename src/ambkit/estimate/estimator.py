@@ -62,7 +62,7 @@ class Estimator(AlongRecords, Described, Copyable):
         sensor's lag. This puts every estimate ahead of the rotor by ``T/(1 - exp(-T/T_sen)) -
         T_sen``; for reproducing the paper only.
     synchronous : sequence of str
-        Synchronous states of a rotor to estimate: ``"unbalance"``, forces in two planes, and
+        Synchronous states to estimate: ``"unbalance"`` of a rotor, forces in two planes, and
         ``"runout"`` of each sensor. At a constant speed the two cannot be distinguished, and their
         stated errors are the initial ones; the disturbance force does not include them.
 

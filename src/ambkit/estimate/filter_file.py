@@ -57,6 +57,7 @@ from ambkit.machine.axes import force_laws, isolated_axes
 from ambkit.machine.forces.force_map import surface_in
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision
+from ambkit.machine.placement_checks import OF_A_ROTOR
 
 Limit = Annotated[int, Field(ge=0, strict=True)]
 
@@ -268,8 +269,10 @@ def _contradictions_of(view: View, read: Read) -> Iterator[tuple[str, str]]:
     if kind in KINDS and not KINDS[kind].estimator.takes(machine):
         names = ", ".join(axis.name for axis in machine.axes)
         yield "kind", f"the {kind} takes one axis; {machine.name} has the axes {names}"
-    if read("synchronous") and machine.rotor.type == "mass":
-        yield "synchronous", "is of a rotor that turns; a mass does not"
+    synchronous = read("synchronous")
+    known = isinstance(synchronous, tuple)
+    if known and "unbalance" in synchronous and machine.rotor.type == "mass":
+        yield "synchronous", f"unbalance {OF_A_ROTOR}"
     magnets, names_of = read("magnets"), [bearing.name for bearing in machine.bearings]
     if single and magnets:
         yield "magnets", "are of named bearings; the one axis has its [magnet]"

@@ -14,7 +14,6 @@ from ambkit.base.config.quantities import InOther
 from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
-from ambkit.estimate.core_model import VAGUE
 from ambkit.estimate.noise_model import FilterNoise, Variances, check_variances
 from ambkit.machine import geometry
 from ambkit.machine.axes import bias_forces, isolated_axes, models_of, weights_of
@@ -22,6 +21,7 @@ from ambkit.machine.loading import levitation_current
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel, core_module, typical_stiffness
 from ambkit.models.model import ENUMERATORS, ROLES, Descriptor
+from ambkit.models.parts.synchronous import VAGUE
 
 
 class View:
@@ -224,18 +224,18 @@ class View:
             [ENUMERATORS.index(ROLES[state.role]) for state in states],
             indices,
             [state.size for state in states],
-            [VAGUE if state.role in ("unbalance", "runout") else 1.0 for state in states],
+            [state.start for state in states],
         )
 
     def _run_out(self, states: Sequence[Descriptor]) -> Array:
-        """Return the variance of the readings due to runout, if it is among the states [m^2]."""
-        # A start from the first readings is no more certain than the rotor's position; otherwise it
-        # would distinguish unbalance from runout at constant speed, where nothing does.
+        """Return the variance of a start from readings with runout, if that is a state [m^2]."""
+        # Vague: the start covariance is diagonal, and the first reading, which is the start, would
+        # halve that of the runout, which nothing corrects at a constant speed.
         result = np.zeros(len(self.gains))
         for state in states:
             if state.role == "runout" and state.name.endswith("_c"):
-                sensor = state.name.split("_", 1)[1].removesuffix("_c")
-                seen = [r.sensor.name == sensor for r in self.machine.readings]
+                of = state.name.removesuffix("_c")
+                seen = [signal(of[:2], r.sensor.name) == of for r in self.machine.readings]
                 result[seen] += (VAGUE * self.gains[seen] * state.size) ** 2
         return result
 

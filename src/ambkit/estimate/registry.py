@@ -288,7 +288,7 @@ def get_kind(name: str) -> FilterKind:
 def default_name(machine: Machine, kind: str = DEFAULT) -> str:
     """Return a kind with the unbalance and runout that a machine states, by default the default."""
     roles = {"unbalance": machine.unbalance, "runout": any(s.runout for s in machine.sensors)}
-    return PLUS.join([kind, *(role for role in roles if machine.turns and roles[role])])
+    return PLUS.join([kind, *(role for role in roles if machine.speed and roles[role])])
 
 
 def default_filter(machine: Machine) -> Estimator:

@@ -21,6 +21,8 @@ from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import GRAVITY, along_x, levitation_current_of
 from ambkit.machine.short_form import LISTS
 
+OF_A_ROTOR = "is of a rigid or flexible rotor; a mass has runout at most"
+
 
 def contradictions(read: Read, unchecked: Callable[..., Any]) -> Iterator[tuple[str, str]]:
     """Yield what is wrong with values that are valid on their own."""
@@ -145,7 +147,7 @@ def mass_contradictions(read: Read) -> Iterator[tuple[str, str]]:
         for key, text in line_contradictions(T, speed, runout, hum):
             yield f"sensor.0.{key}", text
     if read("unbalance"):
-        yield "unbalance", "is of a rotor that turns; a mass does not"
+        yield "unbalance", OF_A_ROTOR
     kind, gravity = of_axis("magnet.type"), of_axis("rotor.gravity")
     if kind == "one-sided" and along_x(gravity) >= 0:
         gravity_text = f'"{gravity}"' if isinstance(gravity, str) else engineering(gravity, "rad")

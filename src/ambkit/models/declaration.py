@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Final, Protocol
 
 from ambkit.models.model import Descriptor
@@ -69,9 +70,9 @@ class Plan:
         part.declare(self)
         self._parts += 1
 
-    def state(self, name: str, unit: str, size: float, role: str) -> None:
+    def state(self, name: str, unit: str, size: float, role: str, start: float = 1.0) -> None:
         """Add a state."""
-        self.states.append(self._named(name, unit, size, role))
+        self.states.append(replace(self._named(name, unit, size, role), start=start))
         self.owner.append(self._parts)
 
     def rate(self, state: str, by: str, value: float) -> None:

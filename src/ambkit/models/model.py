@@ -39,6 +39,7 @@ class Descriptor:
     unit: str  #: SI unit; of a noise, that of its standard deviation.
     size: float  #: Typical size in that unit; of a noise, its standard deviation.
     role: str  #: Role; for a state one of `ROLES`.
+    start: float = 1.0  #: Initial standard deviation of a state, in its typical sizes.
 
     def __post_init__(self) -> None:
         if not (self.name.isidentifier() and self.name.isascii()):

@@ -122,6 +122,8 @@ def trials(case: Case, machine: Machine, runs: int, seed: int) -> list[Trial]:
 
 def iterate_trials(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Trial]:
     """Yield the records of a case."""
+    if case.walks:  # the filters' model is exact
+        machine = _rotating(machine, case.synchronous)
     if not machine.single:
         yield from _flights(case, machine, runs, seed)
         return
@@ -138,6 +140,7 @@ def iterate_trials(case: Case, machine: Machine, runs: int, seed: int) -> Iterat
         scenario = scenario.model_copy(update=own)
         external_inputs, walk = _beside(case, plant, scenario), None
         if case.walks:  # acts as its mean over the sample
+            plant = _turned(plant, scenario.seed)
             variance = case.process_noise(machine) * plant.sampling_time
             load, walk = random_walk(_streams(scenario)[0], variance, samples(plant, scenario))
             external_inputs = replace(external_inputs, disturbance=load)
@@ -157,8 +160,6 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
             f"case {case.name}: its plant has another magnet than the described one, which can be "
             f"simulated for a machine with one axis only; {machine.name} has {len(machine.axes)}"
         )
-    if case.walks:  # the filters' model is exact
-        machine = _rotating(machine, case.synchronous)
     known, T = KalmanFilter(machine), machine.sampling_time
     names = [axis.name for axis in machine.axes]
     certain = case.spread == CERTAIN and case.magnet_constant == 1.0
@@ -176,6 +177,7 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
         if case.walks:
             t = T * np.arange(max(2, round(duration / T) + 1))
             rng = np.random.default_rng([1000 * seed + run, 3])
+            plant = _turned(plant, 1000 * seed + run)
             intensities = np.atleast_1d(case.process_noise(machine))
             for name, intensity in zip(names, intensities, strict=True):
                 mean, walks[name] = random_walk(rng, intensity * T, len(t))
@@ -198,11 +200,26 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
 def _rotating(machine: Machine, synchronous: tuple[str, ...]) -> Machine:
     """Return a machine without the unbalance and the runout that filters do not estimate."""
     if "unbalance" not in synchronous:
-        machine = machine.replace(unbalance=[])
+        machine = machine.model_copy(update={"unbalance": ()})
     if "runout" not in synchronous:
-        sensors = [sensor.model_copy(update={"runout": ()}) for sensor in machine.sensors]
-        machine = machine.replace(sensor=sensors)
+        sensors = tuple(sensor.model_copy(update={"runout": ()}) for sensor in machine.sensors)
+        machine = machine.model_copy(update={"sensor": sensors})
     return machine
+
+
+def _turned(plant: Machine, seed: int) -> Machine:
+    """Return a plant with its unbalance and runout at random angles, which no filter knows."""
+    rng = np.random.default_rng([seed, 4])
+
+    def turned(items: Iterable[Any], angle: str) -> tuple[Any, ...]:
+        return tuple(at.model_copy(update={angle: 2 * math.pi * rng.random()}) for at in items)
+
+    unbalance = turned(plant.unbalance, "angle")
+    sensors = tuple(
+        sensor.model_copy(update={"runout": turned(sensor.runout, "phase")})
+        for sensor in plant.sensors
+    )
+    return plant.model_copy(update={"unbalance": unbalance, "sensor": sensors})
 
 
 @lru_cache(maxsize=4)

@@ -73,7 +73,7 @@ def score_defaults(
     synchronous = tuple({role for kind in builders for role in kind.split(PLUS)[1:]})
     case = replace(CASES["model"], synchronous=synchronous)
     made = _untouched(case, machine, runs + max(runs, CONSISTENCY_RUNS), 2 * runs, seed)
-    training, judged = made[:runs], made[runs : 2 * runs]
+    training, judged = made[:runs], made[runs:]
     defaults = {kind: build() for kind, build in builders.items()}
     sampled = {0.0: made[runs:]}
     for std in {filter.scale_std for filter in defaults.values()} - {0.0}:

@@ -8,11 +8,13 @@ from typing import Any
 
 from ambkit.data.signals import signal
 from ambkit.machine.accessories import SLOWEST
-from ambkit.machine.geometry import Line
+from ambkit.machine.geometry import Line, unbalances_of
 from ambkit.models.declaration import Place, Plan, place, row
 
 GRADE = 6.3e-3  #: Expected balance quality grade of a rotor [m/s] (ISO 21940-11).
 RUNOUT = 3e-6  #: Assumed runout if none is described [m].
+VAGUE = 3.0  #: Initial standard deviation over the expected size where none is described.
+DESCRIBED = 0.5**0.5  #: That of each component of a described amount, whose angle is unknown.
 MEMORY = 1e5  #: Time in which both may change by their expected size [s].
 
 
@@ -32,6 +34,7 @@ class SynchronousForce:
     along_x: Place  #: Place of the plane along x.
     along_y: Place  #: Place of the plane along y.
     speeding: float = 0.0  #: Angular acceleration [rad/s^2].
+    start: float = VAGUE  #: Initial standard deviation, in typical sizes.
 
     @classmethod
     def of(cls, machine: Any, speeding: float) -> list[SynchronousForce]:
@@ -39,12 +42,17 @@ class SynchronousForce:
         planes = unbalance_planes(machine)
         speed, usual = machine.speed, max(abs(machine.speed), SLOWEST)
         size = machine.rotor.mass * GRADE / usual / len(planes)
+        memory = math.sqrt(machine.sampling_time / MEMORY)
+        described = dict.fromkeys(planes, 0.0)
+        for z, amount, _ in unbalances_of(machine.unbalance, machine.rotor, usual):
+            if z in described and machine.angle is None:  # a measured angle may be lost: vague
+                described[z] += amount
         return [
             cls(
-                size, size * math.sqrt(machine.sampling_time / MEMORY), speed, f"U{k}",
-                *across(machine, z), speeding,
+                size, (amount or size) * memory, speed, f"U{k}", *across(machine, z), speeding,
+                DESCRIBED * amount / size or VAGUE,
             )
-            for k, z in enumerate(planes, 1)
+            for k, (z, amount) in enumerate(described.items(), 1)
         ]  # fmt: skip
 
     @property
@@ -58,7 +66,7 @@ class SynchronousForce:
         for state, along, beside, way in (
             (x, self.along_x, self.along_y, -1.0), (y, self.along_y, self.along_x, 1.0)
         ):  # fmt: skip
-            plan.state(state, "kg m", self.size, "unbalance")
+            plan.state(state, "kg m", self.size, "unbalance", self.start)
             force_inputs = {q: self.speed**2 * item for q, item in row(along).items()}
             if self.speeding:
                 force_inputs |= {q: way * self.speeding * item for q, item in row(beside).items()}
@@ -89,6 +97,7 @@ class SynchronousRunout:
     """For each sensor of the plane: state of the lagged reading, gain [1], lag [s], and cosine and
     sine of n times its angle.
     """
+    start: float = VAGUE  #: Initial standard deviation, in typical sizes.
 
     @classmethod
     def of(cls, machine: Any, speeding: float) -> list[SynchronousRunout]:
@@ -105,8 +114,9 @@ class SynchronousRunout:
                     for r, at in zip(looking, around, strict=True)
                 )
                 walk_std = size * math.sqrt(machine.sampling_time / MEMORY)
-                name = f"r{order}_{sensor.name}"
-                parts.append(cls(size, walk_std, machine.speed, order, name, seen))
+                name = signal(f"r{order}", sensor.name)
+                start = DESCRIBED if sensor.runout and machine.angle is None else VAGUE
+                parts.append(cls(size, walk_std, machine.speed, order, name, seen, start))
         return parts
 
     @property
@@ -118,7 +128,7 @@ class SynchronousRunout:
         """Add both states, their contribution to the readings, and their noise."""
         c, s, _ = self.rotating
         for state in (c, s):
-            plan.state(state, "m", self.size, "runout")
+            plan.state(state, "m", self.size, "runout", self.start)
         _rotate(plan, c, s, self.order * self.speed)
         for sensor_state, gain, lag, cosine, sine in self.sensors:
             for state, share in ((c, cosine), (s, sine)):
