@@ -31,10 +31,13 @@ from ambkit.estimate.angle import (
     estimate_angle,
     readings_of,
 )
+from ambkit.estimate.machine_model import View
+from ambkit.judge.comparison.comparison import raw_error
+from ambkit.judge.comparison.criteria import errors_along
 from ambkit.judge.signs import sign_test
 from ambkit.simulation.angle_sensor import angle_readings, angles
 from ambkit.simulation.waveforms import Constant, Ramp
-from benchmarks.angle import MOST, flown
+from benchmarks.angle import MOST, flown, machines
 from benchmarks.angle import PULSES as LATE_PULSES
 
 T, TURN = 1e-4, 2 * np.pi
@@ -316,6 +319,18 @@ def test_the_slow_force_survives_zero_speed(seed):
     sizes = ExtendedKalmanFilter(rig, synchronous=BOTH).default_std()
     most = sizes[estimate.names.index("U1_x")]
     assert estimate.std("U1_x").max() < 1.01 * most
+
+
+@pytest.mark.parametrize("way", [-1, 1])
+def test_a_start_before_the_first_pulses_is_no_worse_than_the_raw_sensor(way):
+    """Speed and phase are unknown until the second pulse."""
+    one = machines("tum_mlps", LATE_PULSES | {"latency": 0.0}, 0)[0]
+    one = one.replace(speed=way * one.speed)
+    record = simulate(one, Scenario(duration=0.05, seed=4)).record
+    estimate = ExtendedKalmanFilter(one, synchronous=("unbalance", "runout")).run(record)
+    x = errors_along(estimate, record, View(one))["x"]
+    assert np.sqrt(np.mean(x**2)) < raw_error(one, [record], 0)
+    assert np.abs(x).max() < 8e-6  # runout of 3 um in both sensors, and as much by the unbalance
 
 
 @pytest.mark.parametrize("way", [-1, 1])

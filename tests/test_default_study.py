@@ -7,7 +7,7 @@ import ambkit
 from ambkit import FilterNoise, Machine
 from ambkit.estimate import DEFAULT
 from ambkit.estimate.registry import KINDS, default_filter, default_name
-from ambkit.judge.comparison.default_study import CONSISTENT, score_defaults
+from ambkit.judge.comparison.default_study import CONSISTENT, DefaultScore, score_defaults
 from ambkit.machine.accessories import Runout
 from benchmarks.defaults import TUNED, random_machine, scores
 from benchmarks.sensors import drawn
@@ -23,6 +23,23 @@ def test_the_default_and_a_linear_filter_are_consistent():
     assert score.tuned[DEFAULT] < score.naive
     assert score.errors["observer"] < score.raw
     assert f"NEES {100 * score.nees[DEFAULT]:.0f} %" in score.row()
+
+
+@pytest.mark.parametrize(
+    ("nees", "error", "tuned", "texts"),
+    [
+        (0.94, 0.9, 0.9, []),
+        (0.895, 1.01, 1.01, []),  # within twice the standard error; equal but for rounding
+        (0.0, 28.0, 0.9, ["too small: 0 ± 1 %", "28 of the sensor's; 'ambkit tune'"]),
+        (1.0, 2.0, 1.5, ["too large", "tuning does not help", "worse than a constant-velocity"]),
+        (0.94, np.inf, np.inf, ["worse than the raw sensor", "constant-velocity"]),
+    ],
+)
+def test_a_default_that_fails_its_study_is_named(nees, error, tuned, texts):
+    of = DefaultScore(1.0, 1.0, {"k": error}, {"k": tuned}, {"k": nees}, {"k": 0.005})
+    objections = list(of.objections())
+    assert len(objections) == len(texts)
+    assert all(text in objection for text, objection in zip(texts, objections, strict=True))
 
 
 def test_a_ball_that_may_fall_is_judged_by_the_runs_in_which_it_floats():

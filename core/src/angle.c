@@ -369,6 +369,17 @@ amb_real amb_angle_speed_variance(const amb_angle_settings *set, const amb_angle
   return state->cov[3] + considered(set, state);
 }
 
+/* Upper limit of an unknown speed [rad/s]: no mark has passed since the last one, or the start, but
+ * for those whose pulses are late. */
+static amb_real fastest(const amb_angle_settings *set, const amb_angle_state *state)
+{
+  const amb_real most = amb_root(state->cov[3]);
+  const amb_real time = state->since - set->latency;
+  const amb_real distance = distance_of(set);
+  const bool bounded = (set->sensor == AMB_ANGLE_PULSES) && ((most * time) > distance);
+  return bounded ? (distance / time) : most;
+}
+
 unsigned int amb_angle_follow(const amb_angle_settings *set, amb_angle_state *state,
                               amb_real reading, amb_rotation *rotation)
 {
@@ -378,7 +389,9 @@ unsigned int amb_angle_follow(const amb_angle_settings *set, amb_angle_state *st
   const amb_real hidden = considered(set, state);
   const unsigned int flags = amb_angle_step(set, state, reading);
   /* Synchronous states follow speed and its error; lost if the angle is uncertain by a turn. */
-  const bool lost = (set->sensor != AMB_ANGLE_SPEED) && (state->cov[0] >= square(TURN));
+  const bool unknown = state->waits && ((AMB_C(36.0) * state->cov[3]) > square(set->max_speed));
+  const bool lost =
+      (set->sensor != AMB_ANGLE_SPEED) && ((state->cov[0] >= square(TURN)) || unknown);
   const bool afresh = state->waits && state->followed && !lost;
   /* A reading reduces the error as it reduces the variance; the part that no reading shows grows
    * with the speed. */
@@ -391,6 +404,11 @@ unsigned int amb_angle_follow(const amb_angle_settings *set, amb_angle_state *st
   rotation->process_noise = amb_at_least(state->predicted - known, AMB_C(0.0));
   rotation->prior = state->restarted ? (state->predicted + hidden) : AMB_C(0.0);
   rotation->estimate = state->mean[1];
+  if (unknown) {
+    const amb_real most = fastest(set, state);
+    rotation->speed = state->backwards ? -most : most;
+    rotation->noise = square(most) / AMB_C(3.0);
+  }
   rotation->lost = lost;
   rotation->afresh = afresh;
   rotation->now = ((flags & AMB_ANGLE_LOST) != 0U) ? AMB_C(0.0) : state->mean[1];

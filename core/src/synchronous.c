@@ -8,11 +8,11 @@
 /* Synchronous states, pairs of a cosine and a sine component, of a rotor whose angle is estimated:
  * the effects of the speed error, and restarts after a lost angle. */
 
-/* Makes a state independent of all previous states. */
-static void clear_row(const amb_model *model, amb_real numbers[], int row)
+/* Scales a state's dependence on all previous states; 0: it is independent of them. */
+static void scale_row(const amb_model *model, amb_real numbers[], int row, amb_real share)
 {
   for (int k = model->L.start[row]; k < (int)model->L.start[row + 1]; k++) {
-    numbers[k] = AMB_C(0.0);
+    numbers[k] *= share;
   }
 }
 
@@ -97,18 +97,27 @@ static amb_real by_change(const amb_synchronous *pair, const amb_kalman *kf,
 }
 
 /* A pair over a sample: it rotates by the error in addition to the known angle, unless the angle is
- * lost. */
+ * lost. If that was never known, neither is the speed, of this variance: with each sample the pair
+ * forgets its phase by as much as the mean cosine of the angle decreases, and keeps its size. */
 static void follow(const amb_synchronous *pair, const amb_speed_error *error, amb_kalman *kf,
-                   amb_kalman_state *state, amb_real numbers[], const amb_rotation *rotation)
+                   amb_kalman_state *state, amb_real numbers[], const amb_rotation *rotation,
+                   bool forgets, amb_real variance)
 {
   amb_real *mean = state->mean;
   const amb_real std = error->std[pair->state];
   const amb_real by_error = rotation->lost ? AMB_C(0.0) : (pair->order * kf->set.T);
   kf->set.var_d[pair->noise] = pair->usual + by_change(pair, kf, state, rotation, std * std);
   rotate_pair(&kf->model, numbers, mean, pair->state, by_error, error->state);
-  if (rotation->afresh) {
-    clear_row(&kf->model, numbers, pair->state);
-    clear_row(&kf->model, numbers, pair->state + 1);
+  if (rotation->afresh || forgets) {
+    const amb_real angle = pair->order * (amb_root(variance) * kf->set.T);
+    const amb_real kept = rotation->afresh
+                              ? AMB_C(0.0)
+                              : (AMB_C(1.0) / (AMB_C(1.0) + ((angle * angle) / AMB_C(2.0))));
+    scale_row(&kf->model, numbers, pair->state, kept);
+    scale_row(&kf->model, numbers, pair->state + 1, kept);
+    if (forgets) {
+      kf->set.var_d[pair->noise] = (AMB_C(1.0) - (kept * kept)) * (std * std);
+    }
   }
 }
 
@@ -292,6 +301,8 @@ amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_
   const amb_real next = speed_continues ? continued(state, amb_states(&kf->model), at, kf->set.T,
                                                     watched, &by, direction)
                                         : known;
+  const bool forgets =
+      by.lost && !(amb_at_least(direction->size[0], direction->size[1]) > AMB_C(0.0));
   amb_turning_to(nodes, speed, by.acceleration, numbers);
   amb_real *own = (at < 0) ? NULL : amb_transition_entry(&kf->model, numbers, at, at);
   if (own != NULL) {
@@ -301,7 +312,7 @@ amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_
     force_states(&kf->model, error, numbers, state->mean,
                  by.lost ? AMB_C(0.0) : share_of(speed, by.acceleration));
     for (int k = 0; k < error->pairs; k++) {
-      follow(&error->pair[k], error, kf, state, numbers, &by);
+      follow(&error->pair[k], error, kf, state, numbers, &by, forgets, rotation->noise);
     }
     if (watched) {
       amb_direction_predict(error, kf, numbers, state->mean, speed, direction);

@@ -98,6 +98,9 @@ typedef struct amb_direction {
  * is known, and all states but known ones become as uncertain as at the start, or as pairs of the
  * previous size allow; until then the rotor keeps its last speed.
  *
+ * At a start with an unknown speed the pairs are Gauss-Markov processes of their initial variance,
+ * which act at the greatest possible speed.
+ *
  * The direction of rotation shows in that speed, or in the corrections of the pairs, which
  * otherwise rotate with the rotor. If it was wrong, speed and acceleration change their sign.
  * Returns the speed at the sample [rad/s], 0 where the angle is lost, and after a loss until the

@@ -224,8 +224,9 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> Inspec
             f"line {lines.line(remark.path)}: {remark.text}" if remark.path else remark.text
             for remark in remarks
         )
-        about = f"{about}; {_default_filter(result)}"
-        return Inspection(about, (), (*notes, *sentences(list(of_machine(result)))))
+        row, objections = _default_filter(result)
+        implausible = sentences(list(of_machine(result)))
+        return Inspection(f"{about}; {row}", (), (*notes, *implausible, *objections))
     if kind == "study":
         plan = Plan(result)
         plan.check()
@@ -235,18 +236,20 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> Inspec
         return Inspection(f"{engineering(result.duration, 's')}, {_of_signals(result)}")
     mass = engineering(result.rotor.mass, "kg")
     parts = [f"{result.name}, {result.magnet.type}, {mass}", *in_words(result)]
-    about = "; ".join([*parts, _default_filter(result)])
-    return Inspection(about, (), tuple(sentences(judge_adequacy(default_filter(result)))))
+    row, objections = _default_filter(result)
+    adequacy = sentences(judge_adequacy(default_filter(result)))
+    return Inspection("; ".join([*parts, row]), (), (*adequacy, *objections))
 
 
-def _default_filter(machine: Machine) -> str:
-    """Return the performance of the default filter in simulation."""
+def _default_filter(machine: Machine) -> tuple[str, tuple[str, ...]]:
+    """Return the performance of the default filter in simulation, and objections to it."""
     from ambkit.judge.comparison.default_study import score_defaults
 
     try:
-        return f"default filter {score_defaults(machine, runs=STUDIED).row()}"
+        score = score_defaults(machine, runs=STUDIED)
     except AmbkitError as error:
-        return f"default filter not judged: {error}"
+        return "default filter not judged", (f"the default filter is not judged: {error}",)
+    return f"default filter {score.row()}", tuple(score.objections())
 
 
 def _of_signals(scenario: Any) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
@@ -35,6 +35,7 @@ CONSISTENCY_RUNS = 20
 bound scatters by up to 6 %."""
 DECADES = 4.0  #: Range of the tuning in decades, on both sides of the default.
 CONSISTENT = (0.90, 0.98)  #: Share of samples within the 95 % bound of the NEES.
+WORSE = 1.02  #: Error over that of a baseline from which a filter is the worse one.
 
 
 @dataclass(frozen=True)
@@ -48,15 +49,52 @@ class DefaultScore:
     #: Share of samples within the 95 % bound of the NEES, NaN without covariance. A kind that
     #: assumes an uncertain magnet constant is judged on plants drawn with the same variance.
     nees: Mapping[str, float]
+    nees_error: Mapping[str, float]  #: Standard error of that share, by its scatter over runs.
 
     def row(self) -> str:
         """Return the figures of the first kind that was tuned, in a line."""
         kind = next(iter(self.tuned))
         return (
             f"{kind}: NEES {100 * self.nees[kind]:.0f} % within its 95 % bound, position error "
-            f"{self.errors[kind] / self.raw:.2f} of the raw sensor's, tuned "
-            f"{self.tuned[kind] / self.naive:.2f} of a constant-velocity filter's"
+            f"{self.errors[kind] / self.raw:.2f} of the raw sensor's; tuned, its error is "
+            f"{self.tuned[kind] / self.naive:.2f} of that of a tuned constant-velocity filter"
         )
+
+    def objections(self) -> Iterator[str]:
+        """Yield in which respect the first kind that was tuned fails, with the remedy."""
+        kind, (low, high) = next(iter(self.tuned)), CONSISTENT
+        share, margin = self.nees[kind], 2 * self.nees_error[kind]
+        stated = (
+            f"{100 * share:.0f} ± {100 * margin:.0f} % of its NEES are within the 95 % bound, "
+            f"consistent from {100 * low:.0f} to {100 * high:.0f} %"
+        )
+        if share + margin < low:
+            yield (
+                f"the covariance of the default filter {kind} is too small: {stated}. Use its "
+                "estimates without their standard deviations; 'ambkit compare' ranks other kinds"
+            )
+        if share - margin > high:
+            yield (
+                f"the covariance of the default filter {kind} is too large: {stated}. Measured "
+                "noise, unbalance and runout in the machine file make it smaller"
+            )
+        raw, naive = self.errors[kind] / self.raw, self.tuned[kind] / self.naive
+        if not raw <= WORSE:
+            remedy = (
+                "'ambkit tune' finds the process noise on a log"
+                if self.tuned[kind] <= WORSE * self.raw
+                else "tuning does not help: 'ambkit compare' ranks other kinds"
+            )
+            yield (
+                f"the default filter {kind} is worse than the raw sensor: its position error is "
+                f"{raw:.2g} of the sensor's; {remedy}"
+            )
+        if not naive <= WORSE:
+            yield (
+                f"the default filter {kind} is worse than a constant-velocity filter, with both "
+                f"tuned: its position error is {naive:.2g} of the other's. Use "
+                "--filter constant-velocity for the position"
+            )
 
 
 def score_defaults(
@@ -90,11 +128,12 @@ def score_defaults(
         decade = _least(lambda decade: error(lambda: build(decade), training))
         return error(lambda: build(decade), judged)
 
-    def consistency(filter: Any) -> float:
+    def consistency(filter: Any) -> tuple[float, float]:
         records = [trial.record for trial in sampled[filter.scale_std]]
         estimates = (filter.run(record, covariance=True) for record in records)
-        shares = map(partial(nees, first=first, view=View(machine)), estimates, records)
-        return float(np.mean(list(shares)))
+        shares = list(map(partial(nees, first=first, view=View(machine)), estimates, records))
+        scatter = np.std(shares, ddof=1) if len(shares) > 1 else math.nan
+        return float(np.mean(shares)), float(scatter / math.sqrt(len(shares)))
 
     naive, usual = KINDS["constant-velocity"], usual_acceleration(machine)
     load = np.atleast_1d(KalmanFilter(machine).variances.disturbance)
@@ -102,12 +141,14 @@ def score_defaults(
     def scaled(kind: str) -> Callable[[float], Any]:
         return lambda decade: builders[kind](FilterNoise(disturbance=tuple(load * 10**decade)))
 
+    judged_nees = {kind: consistency(filter) for kind, filter in defaults.items()}
     return DefaultScore(
         rms(np.array([raw_error(machine, [trial.record], first) for trial in judged])),
         best(lambda decade: naive.make(machine, acceleration=usual * 10**decade)),
         {kind: error(build, judged) for kind, build in builders.items()},
         {kind: best(scaled(kind)) for kind in tune or list(builders)[:1]},
-        {kind: consistency(filter) for kind, filter in defaults.items()},
+        {kind: mean for kind, (mean, _) in judged_nees.items()},
+        {kind: error for kind, (_, error) in judged_nees.items()},
     )
 
 
