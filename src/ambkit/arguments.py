@@ -34,10 +34,10 @@ from ambkit.estimate.registry import (
     AT,
     FILTER_SUFFIX,
     KINDS,
-    PLUS,
     default_name,
     get_kind,
     learned_magnet,
+    split_name,
 )
 from ambkit.export.stiffness_table import tabulate
 from ambkit.fuzzy.expert import Expert
@@ -318,21 +318,22 @@ def _factory(filter: Any, machine: Machine, choice: Sequence[str]) -> FromKind |
     if isinstance(filter, Estimator):
         return FromFile(_exportable(in_memory(filter), filter.name, choice), filter.magnet)
     text = os.fspath(filter)
-    name, *synchronous = text.split(PLUS)
-    if name in choice:
-        return FromKind(name, machine, learned_magnet(name, machine), tuple(synchronous))
+    kind, _, file = split_name(text)
+    if kind in choice and not file:
+        return FromKind(text, machine, learned_magnet(text, machine))
     if text in KINDS:
         raise AmbkitError(f"filter: {text} cannot be exported yet; {', '.join(choice)} can")
-    path = Path(text.rpartition(AT)[2])
+    path = Path(file or text)
     if path.suffix == FILTER_SUFFIX:
-        file = _exportable(filter_file_for(text, machine), path, choice)
-        return FromFile(file, file.magnet_model())
+        of = _exportable(filter_file_for(text, machine), path, choice)
+        return FromFile(of, of.magnet_model())
     if not (path.suffix or path.exists() or os.sep in text):
         near = difflib.get_close_matches(text, choice, 1)
         hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(choice)}"
         raise AmbkitError(f'filter: there is no filter and no file "{text}"; {hint}')
-    kind = text.partition(AT)[0] if AT in text else "adaptive"
-    return FromKind(get_kind(kind).name, machine, experts(path, machine))
+    name = text if file else "adaptive"
+    get_kind(name)
+    return FromKind(name, machine, experts(path, machine))
 
 
 def _exportable(file: FilterFile, name: Any, choice: Sequence[str]) -> FilterFile:

@@ -24,7 +24,7 @@ from ambkit.machine import geometry
 from ambkit.machine.accessories import SLOWEST
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
-from ambkit.models.parts.synchronous import unbalance_planes
+from ambkit.models.parts.synchronous import described_unbalance, unbalance_planes
 from ambkit.models.plant import Plant
 
 NODES, RIGID = 129, 33  #: Number of speeds in the table, for a flexible and a rigid rotor.
@@ -162,7 +162,9 @@ def unbalance_control(
     way = -1.0 if machine.speed < 0 else 1.0
     speeds = way * np.linspace(first, top, RIGID if machine.bending is None else NODES)
     states = [k for k, state in enumerate(estimator.states) if state.role == "unbalance"]
-    sizes = _sizes(plant, [estimator.states[k].size for k in states[::2]])
+    usual = [estimator.states[k].size for k in states[::2]]
+    amounts = described_unbalance(machine).values()
+    sizes = np.array([amount or size for amount, size in zip(amounts, usual, strict=True)])
     rotor = _Rotor(plant, estimator)
     motion, current, larger = [], [], []
     for speed in map(float, speeds):
@@ -190,15 +192,6 @@ def _shares(larger: Array, speeds: Array) -> Array:
         larger[np.abs(speeds - speed) <= far].max() for speed, far in zip(speeds, near, strict=True)
     ]
     return np.clip((MOST - np.array(worst)) / (MOST - LEAST), 0.0, 1.0)
-
-
-def _sizes(plant: Plant, usual: list[float]) -> Array:
-    """Return the unbalance of each plane [kg m]: as described, or a typical one."""
-    unbalances: dict[float, float] = {}
-    for z, amount, _ in plant.machine.unbalances() if plant.machine.speed else []:
-        unbalances[z] = unbalances.get(z, 0.0) + amount
-    planes = unbalance_planes(plant.machine)
-    return np.array([unbalances.get(z, size) for z, size in zip(planes, usual, strict=True)])
 
 
 def _real(Z: Complex) -> Array:

@@ -16,13 +16,13 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_file import FilterFile, filter_file_for, magnet_in
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import (
-    AT,
     FILTER_SUFFIX,
     KINDS,
-    PLUS,
     check_named,
     default_name,
     learned_magnet,
+    make_filter,
+    split_name,
 )
 from ambkit.estimate.user_filter import OwnEstimator, is_own, own_factory
 from ambkit.fuzzy.expert import Expert
@@ -68,19 +68,17 @@ class Factory(Protocol):
 class FromKind:
     """Builder of a kind."""
 
-    kind: str
+    name: str
     machine: Machine
     magnet: MagnetModel | None
-    synchronous: tuple[str, ...] = ()
 
     def __call__(
         self, noise: FilterNoise | None = None, *, precision: Precision = "float64"
     ) -> Estimator:
         """Build one with this noise, by default the machine's."""
-        options = {"synchronous": self.synchronous} if self.synchronous else {}
         try:
-            return KINDS[self.kind].make(
-                self.machine, self.magnet, noise=noise, precision=precision, **options
+            return make_filter(
+                self.name, self.machine, self.magnet, noise=noise, precision=precision
             )
         except ValueError as error:
             raise AmbkitError(str(error)) from error
@@ -183,14 +181,10 @@ def _named(names: Iterable[Any], machine: Machine) -> dict[str, Factory]:
             return FromFile(filter_file_for(name, machine))
         if MARK in name:
             return own_factory(*load_class(name), machine)
-        kind, *synchronous = name.partition(AT)[0].split(PLUS)
-        if name.endswith(EXPERTS):
-            file = name.partition(AT)[2]
-            kind = kind if file else "adaptive"
-            magnet: MagnetModel | None = experts(Path(file or name), machine)
-        else:
-            magnet = learned_magnet(kind, machine)
-        return FromKind(kind, machine, magnet, tuple(synchronous))
+        if not name.endswith(EXPERTS):
+            return FromKind(name, machine, learned_magnet(name, machine))
+        file = split_name(name)[2]
+        return FromKind(name if file else "adaptive", machine, experts(Path(file or name), machine))
 
     return {name: factory(name) for name in expanded(names)}
 

@@ -277,9 +277,25 @@ PLUS = "+"  #: Separator of a kind and its synchronous states, as in ``linear+un
 FILTER_SUFFIX = ".toml"  #: Suffix of a filter file, which may replace the name of an estimator.
 
 
+def split_name(name: str) -> tuple[str, tuple[str, ...], str]:
+    """Return kind, synchronous states and file, as in ``adaptive+unbalance@expert.json``."""
+    before, _, file = name.partition(AT)
+    kind, *synchronous = before.split(PLUS)
+    return kind, tuple(synchronous), file
+
+
+def make_filter(
+    name: str, machine: Machine, magnet: MagnetModel | None = None, **options: Any
+) -> Estimator:
+    """Build a filter by its name."""
+    synchronous = split_name(name)[1]
+    own = {"synchronous": synchronous} if synchronous else {}
+    return get_kind(name).make(machine, magnet, **options, **own)
+
+
 def get_kind(name: str) -> FilterKind:
-    """Return a kind by name, which may include synchronous states."""
-    kind = name.partition(PLUS)[0] if isinstance(name, str) else name
+    """Return a kind by the name of a filter."""
+    kind = split_name(name)[0] if isinstance(name, str) else name
     if not isinstance(kind, str) or kind not in KINDS:
         raise AmbkitError(f'there is no filter "{name}"; known: {", ".join(KINDS)}')
     return KINDS[kind]
@@ -287,19 +303,20 @@ def get_kind(name: str) -> FilterKind:
 
 def default_name(machine: Machine, kind: str = DEFAULT) -> str:
     """Return a kind with the unbalance and runout that a machine states, by default the default."""
+    if not KINDS[kind].estimator.by_model:
+        return kind
     roles = {"unbalance": machine.unbalance, "runout": any(s.runout for s in machine.sensors)}
     return PLUS.join([kind, *(role for role in roles if machine.speed and roles[role])])
 
 
 def default_filter(machine: Machine) -> Estimator:
     """Return the default filter of a machine."""
-    kind, *synchronous = default_name(machine).split(PLUS)
-    return KINDS[kind].make(machine, synchronous=synchronous)
+    return make_filter(default_name(machine), machine)
 
 
 def check_named(name: str) -> None:
     """Reject anything but a kind, ``"all"``, a filter file, or a user's class."""
-    is_kind = name == "all" or name.partition(AT)[0].partition(PLUS)[0] in KINDS
+    is_kind = name == "all" or split_name(name)[0] in KINDS
     if not (is_kind or name.endswith((FILTER_SUFFIX, ".json", ".csv", ".parquet")) or MARK in name):
         known = (
             f"known: {', '.join(KINDS)}, all, the file of a filter ({FILTER_SUFFIX}), of an expert "
@@ -340,7 +357,9 @@ def learned_magnet(name: str, machine: Machine) -> MagnetModel | None:
         return None
     from ambkit.machine.stiffness import stiffness_map
 
-    learn: Callable[[Machine], MagnetModel] = stiffness_map if name == "table" else _trained
+    learn: Callable[[Machine], MagnetModel] = (
+        stiffness_map if get_kind(name).name == "table" else _trained
+    )
     learned: dict[str, MagnetModel] = {}
     for axis in machine.axes:
         if axis.bearing.name not in learned:  # both axes of a bearing have equal magnets

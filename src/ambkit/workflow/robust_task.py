@@ -15,7 +15,7 @@ from ambkit.campaigns.study import load
 from ambkit.campaigns.worker import fly
 from ambkit.control.control import Control
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.registry import KINDS, PLUS, learned_magnet
+from ambkit.estimate.registry import KINDS, learned_magnet, split_name
 from ambkit.judge.comparison.tuning import Range, candidate_of_kind
 
 VALIDATION = 1 << 32  #: Offset of the validation machines' seed from the study's.
@@ -72,7 +72,7 @@ class Task:
             raise AmbkitError(f"{study.name}: the search needs record.margins = true")
         self.kinds = tuple(dict.fromkeys((plan.filter, *filters)))
         for kind in self.kinds:
-            if kind.partition(PLUS)[0] not in KINDS:
+            if split_name(kind)[0] not in KINDS:
                 raise AmbkitError(
                     f"{study.name}: the filter that is tuned must be a kind, {', '.join(KINDS)}, "
                     f"is {kind}"

@@ -24,6 +24,7 @@ from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
+from ambkit.estimate.registry import split_name
 from ambkit.judge.comparison.conditions import CERTAIN, Load, Spread, coloured_noise, random_walk
 from ambkit.machine.axes import isolated_axes, slowest_time, weights_of
 from ambkit.machine.forces.force_surface import ForceSurface
@@ -76,6 +77,11 @@ class Case:
     #: described magnet.
     magnet: ForceSurface | None = None
     plant: Any = None  #: The user's plant, a class or ``file.py:Class``.
+
+    def with_states_of(self, filters: Iterable[str]) -> Case:
+        """Return the case for filters with synchronous states, by name."""
+        roles = {role for name in filters for role in split_name(name)[1]}
+        return replace(self, synchronous=tuple(sorted(roles)))
 
     def process_noise(self, machine: Machine) -> Any:
         """Return the intensity of the disturbance's random walk, of each axis [N^2/s]."""

@@ -19,7 +19,7 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.machine_model import View
 from ambkit.estimate.named import factories
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.estimate.registry import KINDS, PLUS, default_name
+from ambkit.estimate.registry import KINDS, default_name
 from ambkit.judge.comparison.cases import CASES, Case, Trial, iterate_trials
 from ambkit.judge.comparison.comparison import raw_error
 from ambkit.judge.comparison.conditions import Spread
@@ -108,8 +108,7 @@ def score_defaults(
     """Simulate a machine, tune the naive filter on as many other runs, and judge all by truth."""
     # The plant has the unbalance and the runout that one of the kinds estimates.
     builders = factories(kinds or default_name(machine), machine)
-    synchronous = tuple({role for kind in builders for role in kind.split(PLUS)[1:]})
-    case = replace(CASES["model"], synchronous=synchronous)
+    case = CASES["model"].with_states_of(builders)
     made = _untouched(case, machine, runs + max(runs, CONSISTENCY_RUNS), 2 * runs, seed)
     training, judged = made[:runs], made[runs:]
     defaults = {kind: build() for kind, build in builders.items()}

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ambkit.data.files.tables import Table
-from ambkit.estimate.registry import KINDS, learned_magnet
+from ambkit.estimate.registry import KINDS, learned_magnet, split_name
 from ambkit.fuzzy.training import train
 from ambkit.judge.comparison import cases as benchmark
 from ambkit.judge.comparison.cases import CASES, Case, Trial
@@ -153,8 +153,9 @@ def learned(
     """Return the user's maps, or maps learned over the range of the steps."""
     # The expert has the paper's 25 rules. A table with more nodes costs no more, so it has more.
     results = dict(own or {})
-    asking = [name for name in names if name in KINDS and KINDS[name].magnet is None]
-    asking = [name for name in asking if name not in results]
+    kinds = dict.fromkeys(split_name(name)[0] for name in names if name not in results)
+    asking = [kind for kind in KINDS if kind in kinds and KINDS[kind].magnet is None]
+    asking = [kind for kind in asking if kind not in results]
     if not asking:
         return results
     if not machine.single:
@@ -193,6 +194,7 @@ def study(
     """Compare estimators in one case, with sweeps around it."""
     case = CASES[case] if isinstance(case, str) else case
     names = suited(names, machine)
+    case = case.with_states_of(names)
     threads = threads or os.cpu_count() or 1
     field = candidates(names, machine, learned(case, machine, names, magnets), custom)
     done("judging")

@@ -16,9 +16,9 @@ from ambkit.estimate.batch import run_many
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.machine_model import View
-from ambkit.estimate.named import FromFile, factories
+from ambkit.estimate.named import FromFile, expanded, factories
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.estimate.registry import KINDS, PLUS, check_named, get_kind
+from ambkit.estimate.registry import KINDS, default_name, get_kind, make_filter, split_name
 from ambkit.estimate.user_filter import OwnEstimator
 from ambkit.judge.comparison.cases import Trial
 from ambkit.judge.comparison.criteria import errors_along
@@ -64,8 +64,10 @@ def candidates(
     """Return the candidates by name."""
     results = {}
     for name in names:
-        if name in KINDS:
-            results[name] = candidate_of_kind(name, machine, (magnets or {}).get(name))
+        kind, _, file = split_name(name)
+        if kind in KINDS and not file:
+            magnet = (magnets or {}).get(name, (magnets or {}).get(kind))
+            results[name] = candidate_of_kind(name, machine, magnet)
             continue
         (build,) = factories([name], machine).values()
         if isinstance(build, FromFile):
@@ -81,32 +83,27 @@ def candidates(
 
 
 def suited(names: Sequence[str], machine: Machine) -> list[str]:
-    """Return the names; ``all`` excludes kinds for a single axis on machines of several."""
+    """Return the names; ``all``: the kinds that take a machine, with what rotates by its file."""
     if not set(KINDS) <= set(names):
         return list(names)
-    return [name for name in names if name not in KINDS or KINDS[name].estimator.takes(machine)]
+    taken = [name for name in names if name not in KINDS or KINDS[name].estimator.takes(machine)]
+    known = [default_name(machine, name) if name in KINDS else name for name in taken]
+    return list(dict.fromkeys(known))
 
 
 def expand(text: str) -> list[str]:
     """Split a list of names, such as ``linear,my.py:MyFilter``; ``all`` means every kind."""
-    results: dict[str, None] = {}
-    for name in filter(None, map(str.strip, text.split(","))):
-        if name == "all":
-            results |= dict.fromkeys(KINDS)
-        else:
-            check_named(name)
-            results[name] = None
+    results = expanded(filter(None, map(str.strip, text.split(","))))
     if not results:
         raise AmbkitError(f"no filter is named; known: all, {', '.join(KINDS)}")
-    return list(results)
+    return results
 
 
 def candidate_of_kind(
     name: str, machine: Machine, magnet: MagnetModel | None = None, *, all_noise: bool = False
 ) -> Candidate:
     """Return a kind of filter, with its synchronous states, as a candidate."""
-    kind, synchronous = get_kind(name), name.split(PLUS)[1:]
-    fixed = {"synchronous": synchronous} if synchronous else {}
+    kind = get_kind(name)
 
     def build(**values: float) -> Any:
         noise: dict[str, Any] = {
@@ -118,7 +115,7 @@ def candidate_of_kind(
                 scale = noise[key] / defaults[f"noise.{key}"]
                 noise[key] = tuple(scale * variance for variance in item)
         rest = {key: value for key, value in values.items() if "noise." not in key}
-        return kind.make(machine, magnet, noise=FilterNoise(**noise), **rest, **fixed)
+        return make_filter(name, machine, magnet, noise=FilterNoise(**noise), **rest)
 
     free = {t.name: t for t in kind.tunable}
     if not all_noise and {"noise.control", "noise.disturbance"} <= free.keys():

@@ -39,20 +39,17 @@ class SynchronousForce:
     @classmethod
     def of(cls, machine: Any, speeding: float) -> list[SynchronousForce]:
         """Return one for each plane."""
-        planes = unbalance_planes(machine)
-        speed, usual = machine.speed, max(abs(machine.speed), SLOWEST)
-        size = machine.rotor.mass * GRADE / usual / len(planes)
+        amounts, speed = described_unbalance(machine), machine.speed
+        if machine.angle is not None:  # it may be lost: vague
+            amounts = dict.fromkeys(amounts, 0.0)
+        size = machine.rotor.mass * GRADE / max(abs(speed), SLOWEST) / len(amounts)
         memory = math.sqrt(machine.sampling_time / MEMORY)
-        described = dict.fromkeys(planes, 0.0)
-        for z, amount, _ in unbalances_of(machine.unbalance, machine.rotor, usual):
-            if z in described and machine.angle is None:  # a measured angle may be lost: vague
-                described[z] += amount
         return [
             cls(
                 size, (amount or size) * memory, speed, f"U{k}", *across(machine, z), speeding,
                 DESCRIBED * amount / size or VAGUE,
             )
-            for k, (z, amount) in enumerate(described.items(), 1)
+            for k, (z, amount) in enumerate(amounts.items(), 1)
         ]  # fmt: skip
 
     @property
@@ -153,3 +150,13 @@ def unbalance_planes(machine: Any) -> list[float]:
         return sorted(planes)
     places = sorted(bearing.place for bearing in machine.bearings if bearing.type == "radial")
     return [places[0], places[-1]]
+
+
+def described_unbalance(machine: Any) -> dict[float, float]:
+    """Return the amount of each of these planes by its place [kg m]; zero if none is described."""
+    amounts = dict.fromkeys(unbalance_planes(machine), 0.0)
+    usual = max(abs(machine.speed), SLOWEST)
+    for z, amount, _ in unbalances_of(machine.unbalance, machine.rotor, usual):
+        if z in amounts:
+            amounts[z] += amount
+    return amounts
