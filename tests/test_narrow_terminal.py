@@ -52,7 +52,7 @@ def narrow(monkeypatch):
 @pytest.mark.parametrize(
     ("words", "names"),
     [
-        ("rotor tum_mlps", ["2044.8 rpm", "33.57 Hz"]),
+        ("rotor tum_mlps", ["2152.8 rpm", "33.57 Hz"]),
         (f"assess zittau_axial --verbose {EACH}", ["steady-state", "0.01272972"]),
         ("assess tum_mlps --verbose --filter linear", ["0.15813124", "2152.8 rpm", "416.7 g mm"]),
         ("simulate zittau_axial --duration 50ms", []),

@@ -371,7 +371,7 @@ amb_real amb_angle_speed_variance(const amb_angle_settings *set, const amb_angle
 
 /* Upper limit of an unknown speed [rad/s]: no mark has passed since the last one, or the start, but
  * for those whose pulses are late. */
-static amb_real fastest(const amb_angle_settings *set, const amb_angle_state *state)
+static amb_real speed_limit(const amb_angle_settings *set, const amb_angle_state *state)
 {
   const amb_real most = amb_root(state->cov[3]);
   const amb_real time = state->since - set->latency;
@@ -405,7 +405,7 @@ unsigned int amb_angle_follow(const amb_angle_settings *set, amb_angle_state *st
   rotation->prior = state->restarted ? (state->predicted + hidden) : AMB_C(0.0);
   rotation->estimate = state->mean[1];
   if (unknown) {
-    const amb_real most = fastest(set, state);
+    const amb_real most = speed_limit(set, state);
     rotation->speed = state->backwards ? -most : most;
     rotation->noise = square(most) / AMB_C(3.0);
   }

@@ -25,7 +25,16 @@ from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.registry import split_name
-from ambkit.judge.comparison.conditions import CERTAIN, Load, Spread, coloured_noise, random_walk
+from ambkit.judge.comparison.conditions import (
+    CERTAIN,
+    Load,
+    Spread,
+    coloured_noise,
+    random_walk,
+    rotating,
+    streams,
+    turned,
+)
 from ambkit.machine.axes import isolated_axes, slowest_time, weights_of
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.machine import Machine
@@ -129,7 +138,7 @@ def trials(case: Case, machine: Machine, runs: int, seed: int) -> list[Trial]:
 def iterate_trials(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Trial]:
     """Yield the records of a case."""
     if case.walks:  # the filters' model is exact
-        machine = _rotating(machine, case.synchronous)
+        machine = rotating(machine, case.synchronous)
     if not machine.single:
         yield from _flights(case, machine, runs, seed)
         return
@@ -146,9 +155,9 @@ def iterate_trials(case: Case, machine: Machine, runs: int, seed: int) -> Iterat
         scenario = scenario.model_copy(update=own)
         external_inputs, walk = _beside(case, plant, scenario), None
         if case.walks:  # acts as its mean over the sample
-            plant = _turned(plant, scenario.seed)
+            plant = turned(plant, scenario.seed)
             variance = case.process_noise(machine) * plant.sampling_time
-            load, walk = random_walk(_streams(scenario)[0], variance, samples(plant, scenario))
+            load, walk = random_walk(streams(scenario)[0], variance, samples(plant, scenario))
             external_inputs = replace(external_inputs, disturbance=load)
         magnet = fixed if nominal else _magnet(case, plant, machine)
         record = simulate(
@@ -183,7 +192,7 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
         if case.walks:
             t = T * np.arange(max(2, round(duration / T) + 1))
             rng = np.random.default_rng([1000 * seed + run, 3])
-            plant = _turned(plant, 1000 * seed + run)
+            plant = turned(plant, 1000 * seed + run)
             intensities = np.atleast_1d(case.process_noise(machine))
             for name, intensity in zip(names, intensities, strict=True):
                 mean, walks[name] = random_walk(rng, intensity * T, len(t))
@@ -201,31 +210,6 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
         truth = {signal("f_d", name): walk for name, walk in walks.items()}
         record = replace(record, signals={**record.signals, **truth})
         yield Trial(plant, scenario, external_inputs, None, record)
-
-
-def _rotating(machine: Machine, synchronous: tuple[str, ...]) -> Machine:
-    """Return a machine without the unbalance and the runout that filters do not estimate."""
-    if "unbalance" not in synchronous:
-        machine = machine.model_copy(update={"unbalance": ()})
-    if "runout" not in synchronous:
-        sensors = tuple(sensor.model_copy(update={"runout": ()}) for sensor in machine.sensors)
-        machine = machine.model_copy(update={"sensor": sensors})
-    return machine
-
-
-def _turned(plant: Machine, seed: int) -> Machine:
-    """Return a plant with its unbalance and runout at random angles, which no filter knows."""
-    rng = np.random.default_rng([seed, 4])
-
-    def turned(items: Iterable[Any], angle: str) -> tuple[Any, ...]:
-        return tuple(at.model_copy(update={angle: 2 * math.pi * rng.random()}) for at in items)
-
-    unbalance = turned(plant.unbalance, "angle")
-    sensors = tuple(
-        sensor.model_copy(update={"runout": turned(sensor.runout, "phase")})
-        for sensor in plant.sensors
-    )
-    return plant.model_copy(update={"unbalance": unbalance, "sensor": sensors})
 
 
 @lru_cache(maxsize=4)
@@ -248,12 +232,6 @@ def loaded(machine: Machine, runs: int, seed: int) -> list[Trial]:
     return made
 
 
-def _streams(scenario: Scenario) -> list[np.random.Generator]:
-    """Return the random generators of a run's disturbance and sensors."""
-    seeds = np.random.SeedSequence([scenario.seed, 3]).spawn(2)
-    return [np.random.default_rng(seed) for seed in seeds]
-
-
 def _beside(case: Case, plant: Machine, scenario: Scenario) -> ExternalInputs:
     """Return the drift of a plant's magnets and the coloured noise of its sensors."""
     n, noise, scale = samples(plant, scenario), None, None
@@ -261,7 +239,7 @@ def _beside(case: Case, plant: Machine, scenario: Scenario) -> ExternalInputs:
         scale = np.linspace(1.0, 1.0 + case.drift, n)
     if case.correlation:
         std = [math.sqrt(reading.sensor.noise_variance) for reading in plant.readings]
-        noise = coloured_noise(_streams(scenario)[1], case.correlation, std, n)
+        noise = coloured_noise(streams(scenario)[1], case.correlation, std, n)
     return ExternalInputs(sensor_noise=noise, magnet_scale=scale)
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.machine.machine import Machine
+from ambkit.simulation.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -125,3 +128,34 @@ def coloured_noise(rng: np.random.Generator, correlation: float, std: list[float
     white = rng.normal(0.0, std, (n, len(std)))
     white[1:] *= math.sqrt(1 - pole**2)
     return np.asarray(lfilter([1.0], [1.0, -pole], white, axis=0))
+
+
+def rotating(machine: Machine, synchronous: tuple[str, ...]) -> Machine:
+    """Return a machine without the unbalance and the runout that filters do not estimate."""
+    if "unbalance" not in synchronous:
+        machine = machine.model_copy(update={"unbalance": ()})
+    if "runout" not in synchronous:
+        sensors = tuple(sensor.model_copy(update={"runout": ()}) for sensor in machine.sensors)
+        machine = machine.model_copy(update={"sensor": sensors})
+    return machine
+
+
+def turned(plant: Machine, seed: int) -> Machine:
+    """Return a plant with its unbalance and runout at random angles, which no filter knows."""
+    rng = np.random.default_rng([seed, 4])
+
+    def at_random(items: Iterable[Any], angle: str) -> tuple[Any, ...]:
+        return tuple(at.model_copy(update={angle: 2 * math.pi * rng.random()}) for at in items)
+
+    unbalance = at_random(plant.unbalance, "angle")
+    sensors = tuple(
+        sensor.model_copy(update={"runout": at_random(sensor.runout, "phase")})
+        for sensor in plant.sensors
+    )
+    return plant.model_copy(update={"unbalance": unbalance, "sensor": sensors})
+
+
+def streams(scenario: Scenario) -> list[np.random.Generator]:
+    """Return the random generators of a run's disturbance and sensors."""
+    seeds = np.random.SeedSequence([scenario.seed, 3]).spawn(2)
+    return [np.random.default_rng(seed) for seed in seeds]
