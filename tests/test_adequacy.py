@@ -1,5 +1,6 @@
 """Filters that must not fly are named, and no other: planted wrong, and good ones."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -356,3 +357,12 @@ def test_design_names_what_is_wrong_with_a_record_before_it_identifies(
     ambkit.Record(record.t, {"y": 1e3 * record["y"], "u": record["u"]}).save(path)
     with pytest.raises(AmbkitError, match="beyond the air gap"):
         ambkit.design(AXIS, [str(path)], out=tmp_path / "other")
+
+
+def test_a_controller_at_fault_is_named_with_a_better_one():
+    """A PID cannot hold a rotor by a coil of 6 Hz with margins."""
+    slow = BALL.replace(amplifier__bandwidth="6 Hz")
+    (text,) = (text for text in sentences(judge_adequacy(KalmanFilter(slow))) if "|S|" in text)
+    peak, lqg = (float(number) for number in re.findall(r"(?:is|has) ([0-9.]+)", text))
+    assert "the controller is at fault" in text
+    assert lqg < 0.5 * peak

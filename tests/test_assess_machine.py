@@ -258,6 +258,8 @@ def test_a_run_up_is_judged_to_the_machines_speed():
     assert over.judged == 2
     assert (over.worst, over.farthest, over.hardest) == (own.worst, own.farthest, own.hardest)
     assert over.finding == own.finding
+    backwards = turning.model_copy(update={"speed": -turning.speed})
+    assert ambkit.assess_speed(backwards, "none", fastest="12000 rpm", count=5).judged == 2
     assert over.orbit[2:].max() > own.orbit.max()
     assert any(note.startswith("Beyond, to 12000 rpm: ") for note in over.notes)
     assert not any("Beyond" in note for note in own.notes)

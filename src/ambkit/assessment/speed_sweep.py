@@ -91,7 +91,7 @@ class OverSpeed(Result):
     @property
     def judged(self) -> int:
         """Number of speeds up to the machine's speed; all if it is none of them."""
-        own = self.machine.speed
+        own = abs(self.machine.speed)
         count = int(np.searchsorted(self.speed, own * (1 - 1e-9))) + 1
         return count if own and count < len(self.speed) else len(self.speed)
 
@@ -207,7 +207,7 @@ class OverSpeed(Result):
 def _zone_and_peak(peak: float, speed: float) -> str:
     at = units.rpm(speed, 4)
     return (
-        f"unstable from {at} on" if math.isinf(peak)
+        f"unstable at {at}" if math.isinf(peak)
         else f"zone {zone_of(peak)}, peak of |S| {peak:.3f} at {at}"
     )  # fmt: skip
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -316,9 +317,9 @@ def _margins(filter: Estimator, plant: Any, control: Any, own_control: bool) -> 
         fatal = peak >= limit
         if fatal and not own_control and loop_peak(plant, KalmanFilter(plant)) >= limit:
             fatal, text = False, f"{text}; with the default filter too: the controller is at fault"
-            lqg = loop_peak(plant, filter, Control(type="lqg"))
-            if lqg < peak:
-                text += f'; type = "lqg" in [controller] has {lqg:.3g}'
+            with suppress(AmbkitError):  # no such regulator
+                if (lqg := loop_peak(plant, filter, Control(type="lqg"))) < peak:
+                    text += f'; type = "lqg" in [controller] has {lqg:.3g}'
     yield Finding("peak of |S|", peak, "1", limit, text, fatal)
 
 

@@ -27,13 +27,13 @@ class Campbell(WhirlModes, Result):
 
     @property
     def finding(self) -> str:
+        if self.machine.speed:  # the separation of the closed loop counts then
+            return f"{self.machine.name}: {self._separations.sentence()}."
         damped, sharp = (
             ", ".join(units.rpm(one.speed) for one in self.criticals if one.damped is is_damped)
             for is_damped in (True, False)
         )
         beside = f" Critically damped: {damped} (amplification factor below 2.5)." if damped else ""
-        if self.machine.speed:  # the separation of the closed loop counts then
-            return f"{self.machine.name}: {self._separations.sentence()}."
         speeds = f"{self.machine.name} up to {self._end}: {sharp or 'none'}"
         return f"Critical speeds of {speeds} (API 617).{beside}"
 
