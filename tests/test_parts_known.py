@@ -15,7 +15,6 @@ from ambkit.judge.comparison.cases import CASES
 from ambkit.judge.comparison.comparison import bench
 from ambkit.judge.comparison.tuning import candidates
 from ambkit.judge.faults.fault_test import inject_faults
-from ambkit.models import machine_model
 from ambkit.workflow.tuning import default_disturbance, tune_disturbance
 
 BEARING = Machine.preset("zittau_axial")
@@ -116,27 +115,6 @@ def test_the_limit_of_a_linear_machine_is_the_covariance_of_its_filter(name):
     for place, state in enumerate(kalman.states):
         std = found.std(state.name)[300:]
         np.testing.assert_allclose(bound[300:, place], std, rtol=5e-3, atol=1e-9 * state.size)
-
-
-def test_the_general_limit_is_that_of_the_papers_axis():
-    """By the composed model, and by the closed form that the paper's axis has."""
-    from ambkit.judge.comparison import bound
-
-    record = simulated(BEARING, 0, 0.2)
-    variances = ambkit.KalmanFilter(BEARING).variances
-    held = bound._along(machine_model(BEARING), BEARING, record, variances)
-    exact = bound._held(BEARING, record, variances)
-    unit = np.array(ambkit.KalmanFilter(BEARING).default_std())
-    for F in (held[0], exact[0]):
-        F *= unit / unit[:, None]
-    np.testing.assert_allclose(held[0], exact[0], atol=2e-5)
-    grown = [np.einsum("kiq,kjq->kij", G, G) / np.outer(unit, unit) for _, G in (held, exact)]
-    size = np.sqrt(np.einsum("kii->ki", grown[1]))
-    np.testing.assert_allclose(
-        grown[0] / (size[:, :, None] * size[:, None, :]),
-        grown[1] / (size[:, :, None] * size[:, None, :]),
-        atol=2e-2,
-    )
 
 
 @pytest.mark.parametrize("kind", ["linear", "extended", "ud"])

@@ -14,9 +14,6 @@ from ambkit.models.linear import LinearSystem, Signal
 class Loop:
     """A loop of m measurements, c controls, l disturbances and q positions, with a axes."""
 
-    # Sampled; or in continuous time with a dead time without states, for which only the open loop
-    # is available.
-
     #: Inputs: c control signals [V], then l disturbances [N]; outputs: m measurements, then q
     #: positions [m]. No feedthrough from control to measurement.
     plant: LinearSystem
@@ -24,7 +21,6 @@ class Loop:
     measurements: int = 1  #: m.
     shown: Array | None = None  #: (a, m) Axes' displacements by the measurements; None: identity.
     added: Array | None = None  #: (m, a) Measurements by the signals added at the axes.
-    delay: float = 0.0  #: Dead time of a loop in continuous time [s].
 
     @property
     def T(self) -> float:
@@ -85,11 +81,7 @@ class Loop:
         """Return the open loop L (k, m, m) at the measurements, with ``S = 1/(1 + L)``."""
         # frequency (k,) [Hz]
         P, K = (part.response(frequency) for part in self._broken)
-        L = -P @ K
-        if self.delay:
-            late = np.exp(-2j * np.pi * self.delay * np.atleast_1d(np.asarray(frequency, float)))
-            L = late[:, None, None] * L
-        return np.asarray(L)
+        return np.asarray(-P @ K)
 
     def sensitivity(self, frequency: ArrayLike) -> Complex:
         """Return S (k, m, m): from a signal added to the measurements to the measurements [1]."""
@@ -143,11 +135,6 @@ class Loop:
         """Return the positions by the disturbances (k, q, l) [m/N], held over each sample."""
         # frequency (k,) [Hz]
         return self._of(self._positions, self._loads, frequency)
-
-    def stiffness(self, frequency: ArrayLike) -> Complex:
-        """Return the dynamic stiffness (k, l, q) [N/m], the inverse of the compliance."""
-        # frequency (k,) [Hz]
-        return np.asarray(np.linalg.inv(self.compliance(frequency)))
 
     def control_by_load(self, frequency: ArrayLike) -> Complex:
         """Return the control signals by the disturbances (k, c, l) [V/N], held over each sample."""

@@ -26,14 +26,10 @@ from ambkit.data.record import Record
 from ambkit.data.signals import displacement, signal
 from ambkit.estimate.machine_model import View, several
 from ambkit.estimate.noise_model import Variances
-from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.models import machine_model
-from ambkit.models.machine_parts import PAPER_STATES
 from ambkit.models.model import Model
-
-NODES = 4  #: Points of the quadrature over a sample.
 
 
 def posterior_bound(
@@ -86,14 +82,7 @@ def bearing_bound(
     # the model, such as coloured noise, as the machine defines them. rows (quantities, n), of the
     # states; by default each state returns (samples, quantities)
     model, unit = machine_model(machine), np.asarray(std)
-    plain = tuple(state.name for state in model.states) == PAPER_STATES
-
-    def along(record: Record) -> tuple[Array, Array]:
-        if plain:
-            return _held(isolated_axes(machine)[0], record, variances)
-        return _along(model, machine, record, variances)
-
-    F, G = zip(*map(along, records), strict=True)
+    F, G = zip(*(_along(model, machine, record, variances) for record in records), strict=True)
     # Scaled, so that no entry is 1e12 times another.
     scaled_F = np.asarray(F) * (unit / unit[:, None])
     scaled_G = np.asarray(G) / unit[:, None]
@@ -134,26 +123,3 @@ def _root(Q: Array) -> Array:
     unit = np.where(std > 0, std, 1.0)
     values, vectors = np.linalg.eigh(Q / np.outer(unit, unit))
     return np.asarray(unit[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
-
-
-def _held(machine: Machine, record: Record, variances: Variances) -> tuple[Array, Array]:
-    """F (samples - 1, 4, 4), G (samples - 1, 4, 5) of the paper's axis, exact for held tangents."""
-    from scipy.linalg import expm
-
-    T, m = machine.sampling_time, machine.rotor.mass
-    lag = machine.lag_of(machine.sensor)
-    k_i, k_s = magnet_of(machine).tangent(record["iu"][:-1], record["x"][:-1])
-    A = np.zeros((len(record) - 1, 5, 5))  # x, v, f_d, x_m, and the held current
-    A[:, 0, 1] = 1.0
-    A[:, 1, 0], A[:, 1, 2], A[:, 1, 4] = k_s / m, 1 / m, k_i / m
-    A[:, 3, 0], A[:, 3, 3] = machine.sensor.gain / lag, -1 / lag
-    held = expm(A * T)
-    G = np.zeros((len(A), 4, 1 + NODES))
-    G[:, :, 0] = held[:, :4, 4] * machine.amplifier.gain * np.sqrt(variances.control)
-    # The disturbance also walks within the sample (Van Loan 1978, his integral by Gauss-Legendre).
-    # Its effect until the end of the sample hardly depends on the tangents, so the first ones serve
-    # for all.
-    at, weights = np.polynomial.legendre.leggauss(NODES)
-    walked = expm(A[0] * (T * (1 + at) / 2)[:, None, None])[:, :4, 2]
-    G[:, :, 1:] = (walked * np.sqrt(T * variances.disturbance * weights / 2)[:, None]).T
-    return held[:, :4, :4], G

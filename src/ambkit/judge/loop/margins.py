@@ -249,11 +249,11 @@ class BodeIntegral:
     # 1988; Sung, Hara, Properties of sensitivity and complementary sensitivity functions in
     # single-input single-output digital control systems, 1988.
 
-    #: The integral of ln abs(det S) over 2 pi: over a period of the angle of z [1], or in
-    #: continuous time over all angular frequencies [1/s].
-    integral: float
-    #: Sum over the unstable poles p of the open loop of ln abs(p), or in continuous time of their
-    #: real parts [1/s]: equal to the integral if the closed loop is stable.
+    integral: (
+        float  #: The integral of ln abs(det S) over a period of the angle of z, over 2 pi [1].
+    )
+    #: Sum over the unstable poles p of the open loop of ln abs(p): equal to the integral if the
+    #: closed loop is stable.
     poles: float
 
     @property
@@ -264,63 +264,24 @@ class BodeIntegral:
 
 def bode_integral(loop: Loop) -> BodeIntegral:
     """Return both sides of Bode's integral."""
-    # By Gauss's rule in the logarithm of the frequency, between the frequencies of all poles and
-    # refined towards each: an integrator makes S zero at 0, an undamped pole elsewhere. In
-    # continuous time it extends until the tail vanishes, and until the dead time varies slowly
-    # against it; as the poles of a closed loop with dead time are not known, panels are halved
-    # until the result converges.
-    poles = np.concatenate([loop.plant.poles(), loop.compensator.poles()])
-    if loop.plant.T is None:
-        unit, low, high = 1.0, 1e-9, 1e10
-        rates = poles
-        even = np.linspace(math.log(low), math.log(high), 500)
-        if loop.delay:
-            turns = np.arange(1, math.ceil(TAIL * loop.delay / math.pi))
-            even = np.concatenate([even, np.log(turns * math.pi / loop.delay)])
-        lost = float(loop.unstable_poles().real.sum())
-    else:
-        unit, low, high = loop.T, 1e-12, math.pi
-        poles = np.concatenate([loop.closed.poles(), poles])
-        rates = np.log(poles[np.abs(poles) > 1e-6])
-        even = np.zeros(0)
-        lost = float(np.log(np.abs(loop.unstable_poles())).sum())
-    sharp = np.array([at.imag for at in rates if 1e5 * low < at.imag < high])
-    ends = np.unique(np.concatenate([np.log(sharp), [math.log(low), math.log(high)]]))
+    # By Gauss's rule in the logarithm of the angle, between the angles of all poles and refined
+    # towards each: an integrator makes S zero at 0, an undamped pole elsewhere.
+    poles = np.concatenate([loop.closed.poles(), loop.plant.poles(), loop.compensator.poles()])
+    angles = np.log(poles[np.abs(poles) > 1e-6]).imag
+    sharp = angles[(angles > 1e5 * LEAST_ANGLE) & (angles < math.pi)]
+    ends = np.unique(np.log([*sharp, LEAST_ANGLE, math.pi]))
     finer = 0.5 * GRADED ** np.arange(LEVELS)
     shares = np.concatenate([[0.0], finer[::-1], 1 - finer[1:], [1.0]])
-    cuts = np.unique(np.concatenate([even, *(a + (b - a) * shares for a, b in pairwise(ends))]))
-
-    def of(logs: Array) -> Array:
-        angle = np.exp(logs)
-        det = np.linalg.det(np.eye(loop.measurements) + loop.open(angle / (2 * math.pi * unit)))
-        return np.asarray(-np.log(np.abs(det)) * angle / math.pi)
-
-    a, b = cuts[:-1], cuts[1:]
-    parts = _gauss_legendre(of, a, b)
-    integral = 0.0
-    for _ in range(HALVINGS if loop.plant.T is None else 0):
-        middle = (a + b) / 2
-        left, right = _gauss_legendre(of, a, middle), _gauss_legendre(of, middle, b)
-        off = np.abs(left + right - parts) > EXACT * max(lost, 1.0)
-        integral += float((left + right)[~off].sum())
-        a, b = np.concatenate([a[off], middle[off]]), np.concatenate([middle[off], b[off]])
-        parts = np.concatenate([left[off], right[off]])
-    return BodeIntegral(integral + float(parts.sum()), lost)
-
-
-def _gauss_legendre(of: Callable[[Array], Array], a: Array, b: Array) -> Array:
-    """Return the integrals (k,) of a function over panels, by Gauss's rule."""
-    # a, b (k,)
+    cuts = np.unique([a + (b - a) * shares for a, b in pairwise(ends)])
     nodes, weights = np.polynomial.legendre.leggauss(16)
-    at = (a + b)[:, None] / 2 + (b - a)[:, None] / 2 * nodes
-    return np.asarray((of(at.ravel()).reshape(at.shape) * weights).sum(axis=1) * (b - a) / 2)
+    half = np.diff(cuts)[:, None] / 2
+    angle = np.exp(cuts[:-1, None] + half * (1 + nodes)).ravel()
+    det = np.linalg.det(np.eye(loop.measurements) + loop.open(angle / (2 * math.pi * loop.T)))
+    over_logarithm = (-np.log(np.abs(det)) * angle / math.pi).reshape(len(half), -1)
+    lost = float(np.log(np.abs(loop.unstable_poles())).sum())
+    return BodeIntegral(float((over_logarithm * weights * half).sum()), lost)
 
 
-TAIL = 1e7
-"""Upper end for the oscillation of a dead time [rad/s]; the open loop vanishes beyond."""
-
-HALVINGS, EXACT = 20, 1e-9
-"""Maximum number of halvings, and tolerance, over the sum of the unstable poles."""
-
+LEAST_ANGLE = 1e-12  #: Start of the integral.
 #: Ratio by which panels shrink towards a pole's frequency, and their number.
 GRADED, LEVELS = 0.3, 16
