@@ -322,7 +322,8 @@ class Position:
     def solved(matrix: sparse.csc_matrix, right: NDArray[Any]) -> NDArray[Any]:
         """Return the solution of a symmetric system."""
         options = {"SymmetricMode": True}
-        factors = splu(matrix.tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        # Column by column: panels, which are for denser factors, take twice as long here.
+        factors = splu(matrix.tocsc(), "MMD_AT_PLUS_A", 0.0, relax=1, panel_size=1, options=options)
         return np.asarray(factors.solve(right))
 
     def _solution(self, a: Array, coenergy: float, gradient: Array) -> Solution:

@@ -105,11 +105,16 @@ def circle(radius: float) -> Points:
 
 def contains(outline: Points, places: Points) -> NDArray[np.bool_]:
     """Return which places (n,) are within an outline, by the crossings of a ray."""
-    a, b = outline, np.roll(outline, -1)
-    above = (a.imag > places[:, None].imag) != (b.imag > places[:, None].imag)
-    rise = np.where(b.imag == a.imag, 1.0, b.imag - a.imag)
-    at = a.real + (places[:, None].imag - a.imag) / rise * (b.real - a.real)
-    return np.asarray((above & (places[:, None].real < at)).sum(axis=1) % 2 == 1)
+    inside = np.zeros(len(places), dtype=bool)
+    order = np.argsort(places.imag)
+    height = places.imag[order]
+    for a, b in zip(outline, np.roll(outline, -1), strict=True):
+        ends = sorted((a.imag, b.imag))
+        level = order[slice(*np.searchsorted(height, ends))]  # from the lower end on
+        if len(level):
+            at = a.real + (places[level].imag - a.imag) / (b.imag - a.imag) * (b.real - a.real)
+            inside[level] ^= places[level].real < at
+    return inside
 
 
 def flat(places: Points) -> Array:

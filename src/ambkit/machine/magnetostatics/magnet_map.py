@@ -6,7 +6,7 @@ Both are derivatives of one spline of the coenergy, fitted to both, so closed lo
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -24,7 +24,8 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import progress
 from ambkit.base.threads import one_thread
 from ambkit.machine.magnetostatics.drawing import Drawing
-from ambkit.machine.magnetostatics.field import FieldSolver
+from ambkit.machine.magnetostatics.field import FieldSolver, Solution
+from ambkit.machine.magnetostatics.layout import Points
 
 NODES = (11, 7)  #: Number of currents and displacements of a map.
 VERSION = 3  #: Version of the computation; maps of others are solved again.
@@ -166,27 +167,40 @@ def _solved(
         for row, x in enumerate(0.5 * (displacement[1:] + displacement[:-1]))
     ]
     solver, result = FieldSolver(layout, fineness), np.zeros((2, nodes[1], nodes[0]))
-    count = nodes[1] * (nodes[0] - begin) + len(left_out)
-    with progress("solving the magnetic field", count) as done:
-
-        def point(iu: float, x: float, start: Array | None = None) -> tuple[Array, Array]:
+    grid = np.stack(np.meshgrid(current[begin:], displacement)).reshape(2, -1)
+    places = np.hstack([grid, np.transpose(left_out)])
+    if layout.opposed:  # an equal core behind the rotor, with opposite current and displacement
+        places = np.hstack([places, -np.transpose(left_out)])
+    currents = box.bias * layout.bias + np.outer(places[0], layout.control[0])
+    values = []
+    with progress("solving the magnetic field", places.shape[1]) as done:
+        ranges = np.array([[box.high - box.low], [2 * box.displacement_range]])
+        for s in _fields(solver, currents, places[1] * layout.directions[0], places / ranges):
+            values.append((s.force[0], layout.control[0] @ s.flux))
             done()
-            at = solver.at(x * layout.directions[0])
-            s = at.solve(box.bias * layout.bias + iu * layout.control[0], start)
-            return np.array([s.force[0], layout.control[0] @ s.flux]), s.a
-
-        for row, x in enumerate(displacement.tolist()):
-            start = None
-            for column in range(begin, nodes[0]):
-                result[:, row, column], start = point(float(current[column]), x, start)
-        forces = np.array([point(*at)[0][0] for at in left_out])
-        if layout.opposed:  # an equal core behind the rotor, with opposite current and displacement
-            forces -= np.array([point(-iu, -x)[0][0] for iu, x in left_out])
+    on_grid, between_nodes = np.split(np.transpose(values), [grid.shape[1]], axis=1)
+    result[:, :, begin:] = on_grid.reshape(2, nodes[1], -1)
+    forces = between_nodes[0, : nodes[1] - 1]
+    if layout.opposed:
+        forces = forces - between_nodes[0, nodes[1] - 1 :]
     if layout.opposed:
         result = result - result[:, ::-1, ::-1]
     if mirrored:
         result[:, :, :begin] = -result[:, ::-1, : -begin - 1 : -1]
     return current, displacement, *result, np.array([*zip(*left_out, strict=True), forces])
+
+
+def _fields(
+    solver: FieldSolver, currents: Array, displacement: Points, places: Array
+) -> Iterator[Solution]:
+    """Yield the fields at places (axes, n); each solution starts at the nearest place before."""
+    potentials: list[Array] = []
+    for number, current in enumerate(currents):
+        far = np.linalg.norm(places[:, :number] - places[:, number : number + 1], axis=0)
+        start = potentials[far.argmin()] if number else None
+        solution = solver.at(complex(displacement[number])).solve(current, start)
+        potentials.append(solution.a)
+        yield solution
 
 
 DEGREE, OF_SUMS = 10, 6
@@ -313,9 +327,9 @@ def _fitted(drawing: Drawing, bias: float, ranges: Array) -> tuple[Array, ...]:
     solved = []
     with progress("solving the magnetic field over both axes", u.shape[1]) as done:
         solver = FieldSolver(layout, FINENESS)
-        for place in (u.T * ranges).tolist():
-            currents = bias * layout.bias + np.array(place[:2]) @ layout.control
-            s = solver.at(complex(*place[2:])).solve(currents)
+        currents = bias * layout.bias + (u[:2].T * ranges[:2]) @ layout.control
+        places = u[2:] * ranges[2:, None]
+        for s in _fields(solver, currents, places[0] + 1j * places[1], u):
             solved.append([s.coenergy, *(layout.control @ s.flux), *s.force, *s.flux])
             done()
     values = np.array(solved).T
