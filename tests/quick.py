@@ -6,15 +6,18 @@ from typing import Any
 import pytest
 
 
-def quick(cases: Iterable[Any], of: Iterable[Any]) -> list[Any]:
+def quick(cases: Iterable[Any], of: Iterable[Any], long: Iterable[Any] | None = None) -> list[Any]:
     """Return all cases, those that are not among `of` in the long part alone.
 
-    A case of several arguments is a tuple, in both.
+    With `long`, what is not among these either is left to the studies. A case of several
+    arguments is a tuple, in all.
     """
-    chosen = list(of)
-    return [case if case in chosen else _long(case) for case in cases]
+    chosen, later = list(of), None if long is None else list(long)
+    return [
+        case if case in chosen else _marked(case, later is None or case in later) for case in cases
+    ]
 
 
-def _long(case: Any) -> Any:
+def _marked(case: Any, long: bool) -> Any:
     arguments = case if isinstance(case, tuple) else (case,)
-    return pytest.param(*arguments, marks=pytest.mark.long)
+    return pytest.param(*arguments, marks=pytest.mark.long if long else pytest.mark.study)

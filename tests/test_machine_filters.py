@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from machine_cases import PRESETS, RIGID, machine
+from machine_cases import PRESETS, RIGID, RIGS, machine
 from quick import quick
 
 from ambkit import AmbkitError, ExtendedKalmanFilter, KalmanFilter, Machine, Record, Status
@@ -25,7 +25,11 @@ TAKEN = [n for n in KINDS if n not in (*OF_ONE_AXIS, *LEARNED, "constant-velocit
 
 @pytest.mark.parametrize(
     ("name", "speed"),
-    quick(product(PRESETS, (0.0, 2000.0)), zip(RIGID[:2], (0.0, 2000.0), strict=True)),
+    quick(
+        product(PRESETS, (0.0, 2000.0)),
+        zip(RIGID[:2], (0.0, 2000.0), strict=True),
+        [*product(RIGS, (0.0, 2000.0)), *product(PRESETS, (2000.0,))],
+    ),
 )
 def test_filters_are_as_good_as_can_be(name, speed):
     """20 seeds, vague starts: in all quantities together and in each, the bound; and honest."""

@@ -1,12 +1,13 @@
 """The machine in flight: its plant against integration, its presets, its touch-down bearings."""
 
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
 from machine_cases import (
-    OF_KILOGRAMS,
     PRESETS,
+    RIGID,
+    RIGS,
     directions,
     five_axes,
     integrated,
@@ -86,8 +87,14 @@ def truth(one, iu, growth):
     return rates
 
 
-@pytest.mark.parametrize("name", OF_KILOGRAMS)
-@pytest.mark.parametrize("growth", quick([0.0, 4e4], [4e4]))
+@pytest.mark.parametrize(
+    ("name", "growth"),
+    quick(
+        product([*RIGS, "compressor", "tum_mlps_flexible"], (0.0, 4e4)),
+        [(name, 4e4) for name in RIGID],
+        [*product(RIGS, (0.0, 4e4)), ("compressor", 4e4), ("tum_mlps_flexible", 4e4)],
+    ),
+)
 def test_the_plant_is_met_in_the_fourth_order(name, growth):
     """Nonlinear magnets, weight, loads, unbalance, gyroscopics, a run-up; against 1e-10."""
     coarse = "0.2 ms" if name == "compressor" else "0.4 ms"  # its modes go up to 1.9 kHz

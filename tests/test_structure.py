@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from quick import quick
 
 import ambkit
 from ambkit.base.units import engineering
@@ -20,6 +21,7 @@ from ambkit.workflow.identify import starting_model
 from benchmarks.wrong_plants import MACHINES, NAMES, WRONG, Case, simulate
 
 QUICK = ("hysteresis", "payload", "")
+AMONG = [({}, ""), ({"sensor__cubic": -5e6}, "sensor cubic")]
 
 
 def examined(case, record):
@@ -55,8 +57,7 @@ def test_wrong_structures_are_named_and_a_right_one_is_not():
             assert change.error < 0.01
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("machine", ["coarse spindle", "ball"])
+@pytest.mark.parametrize("machine", quick(["coarse spindle", "ball"], [], ["ball"]))
 def test_most_of_nine_wrong_plants_are_named(machine):
     cases = [Case(machine, wrong, 8) for wrong in WRONG] + [Case(machine, "", s) for s in (9, 10)]
     missed, accused = [], []
@@ -98,7 +99,7 @@ def test_a_wrong_structure_is_not_called_good():
     ("machine", "step", "load", "duration", "seed"),
     [
         ("zittau_axial", "0.3 mm", "3 N", 0.5, 101),
-        pytest.param("zittau_axial", "0.3 mm", "3 N", 0.5, 0, marks=pytest.mark.long),
+        pytest.param("zittau_axial", "0.3 mm", "3 N", 0.5, 0, marks=pytest.mark.study),
         pytest.param("inteco_ml", None, "0.36 N", 1.5, 0, marks=pytest.mark.long),
     ],
 )
@@ -122,10 +123,8 @@ def test_a_load_step_is_no_defect_and_its_record_is_identified_in_parts(
         assert abs(off) < 3 * found.standard_error("magnet_constant")
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
-    ("changes", "name"),
-    [({}, ""), ({"sensor__cubic": -5e6}, "sensor cubic"), ({"amplifier__bandwidth": 300}, "lag")],
+    ("changes", "name"), quick([*AMONG, ({"amplifier__bandwidth": 300}, "lag")], [], AMONG)
 )
 def test_an_axis_among_others_is_tested_by_the_same_text(changes, name):
     """No fit, with offsets or without: the model is the description."""
