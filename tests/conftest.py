@@ -63,11 +63,13 @@ def bearing() -> Machine:
 
 
 DEAREST = (
-    "campaign_cluster", "mutants_of_machines", "cli", "c", "contributing", "export_fmu",
-    "no_traceback", "export_bits", "export_control", "selftest", "misra", "export_c_compiled",
-    "pil", "firmware", "assess_machine", "design", "reproduction", "machine_bending", "sensors",
+    "structure", "misra", "magnetostatics", "calibration", "export_bits", "c", "cli", "contact",
+    "design_machine", "export_control", "pil", "corpus", "export_fmu_same", "contributing",
+    "maximum_likelihood", "guess", "identify_command", "force_magnet", "machine_filters",
+    "modes_left_out", "workbench", "eddy_current", "assess_controllers", "design", "models_emit",
+    "campaign_cluster", "selftest", "mutants_of_machines", "isolation", "angle", "no_traceback",
 )  # fmt: skip
-"""Files of minutes, before all others: the last ones to end are then short."""
+"""Files of more than 20 s, before all others: the last ones to end are then short."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
