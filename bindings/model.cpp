@@ -145,7 +145,7 @@ void Model::synchronous(const nb::dict &arguments)
     pairs.push_back({within(nb::cast<int>(pair["state"]), model.states - 1),
                      within(nb::cast<int>(pair["noise"]), model.noises),
                      nb::cast<amb_real>(pair["order"]), nb::cast<amb_real>(pair["power"]),
-                     nb::cast<amb_real>(pair["usual"])});
+                     nb::cast<amb_real>(pair["usual"]), nb::cast<amb_real>(pair["vague"])});
   }
   error.pairs = static_cast<int>(pairs.size());
   error.pair = pairs.data();

@@ -21,6 +21,7 @@ from ambkit import (
     Status,
     simulate,
 )
+from ambkit.base.arrays import rms
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.data.reading.role_names import role_of
 from ambkit.estimate.angle import (
@@ -35,6 +36,7 @@ from ambkit.estimate.machine_model import View
 from ambkit.judge.comparison.comparison import raw_error
 from ambkit.judge.comparison.criteria import errors_along
 from ambkit.judge.signs import sign_test
+from ambkit.models.parts.synchronous import VAGUE
 from ambkit.simulation.angle_sensor import angle_readings, angles
 from ambkit.simulation.waveforms import Constant, Ramp
 from benchmarks.angle import MOST, flown, machines
@@ -265,6 +267,12 @@ def spoilt(sensor):
     return one.replace(unbalance=[plane]), one.replace(unbalance=[], angle=None)
 
 
+def vague_std(machine):
+    """Return that of unbalance where none is described."""
+    states = ExtendedKalmanFilter(machine, synchronous=BOTH).engine.states
+    return VAGUE * next(state.size for state in states if state.name == "U1_x")
+
+
 def slow_error(machine, record, *synchronous, settled=3000):
     estimate = ExtendedKalmanFilter(machine, synchronous=synchronous).run(record, covariance=True)
     names = [name for name in estimate.names if name.startswith("f_d_")]
@@ -316,9 +324,7 @@ def test_the_slow_force_survives_zero_speed(seed):
     ours, estimate = slow_error(rig, simulate(rig, flight).record, *BOTH)
     usual, _ = slow_error(clean, simulate(clean, flight).record)
     assert ours < 1.2 * usual
-    sizes = ExtendedKalmanFilter(rig, synchronous=BOTH).default_std()
-    most = sizes[estimate.names.index("U1_x")]
-    assert estimate.std("U1_x").max() < 1.01 * most
+    assert estimate.std("U1_x").max() < 1.01 * vague_std(rig)
 
 
 @pytest.mark.parametrize("way", [-1, 1])
@@ -343,7 +349,7 @@ def test_unbalance_and_runout_show_the_direction(way):
     record = simulate(dirty, flight).record
     ours, estimate = slow_error(dirty, record, *BOTH, settled=4000)
     assert ours < 1.1 * usual
-    assert estimate.std("U1_x")[-1] < 0.2 * estimate.std("U1_x").max()
+    assert estimate.std("U1_x")[-1] < 0.2 * vague_std(dirty)
     mirrored = (estimate.status & Status.MIRRORED) > 0
     assert (mirrored[-1], mirrored.any()) == (way < 0, way < 0)
     notes = [text for text in angle_notes(dirty, record, {"kf": estimate}) if "spins" in text]
@@ -445,8 +451,8 @@ def test_controllers_hear_the_angle():
     assert synchronous(run) < synchronous(known) + 0.1 * synchronous(plain)
 
 
-@pytest.mark.parametrize(("unbalance", "most"), [("off", 1.5), ("force-free", 1.6)])
-def test_an_encoder_is_lost_and_comes_back_without_a_jump(unbalance, most, monkeypatch):
+@pytest.mark.parametrize("unbalance", ["off", "force-free"])
+def test_an_encoder_is_lost_and_comes_back_without_a_jump(unbalance, monkeypatch):
     """Of the current: control by the estimate goes on, force-free control resumes."""
     sensor = {"type": "encoder", "per_turn": 1024, "acceleration": "1000 rad/s^2"}
     dirty, _ = spoilt(sensor)
@@ -465,10 +471,9 @@ def test_an_encoder_is_lost_and_comes_back_without_a_jump(unbalance, most, monke
     assert not lost[6001:].any()
     current = np.abs([run.record[f"iu_{axis.name}"] for axis in dirty.axes]).max(axis=0)
     parts = (2500, 3000), (3000, 6000), (6000, 6200), (7500, 8000)
-    before, meanwhile, back, after = (current[slice(*part)].max() for part in parts)
-    assert meanwhile < 1.3 * before
-    assert back < most * before
-    assert after < 1.03 * before
+    before, *others = (current[slice(*part)] for part in parts)
+    assert max(map(rms, others)) < 1.03 * rms(before)
+    assert max(part.max() for part in others) < 1.3 * before.max()
 
 
 def test_a_record_without_readings_is_refused():

@@ -13,6 +13,12 @@ from benchmarks.defaults import TUNED, random_machine, scores
 from benchmarks.sensors import drawn
 
 BEARING = Machine.preset("zittau_axial")
+SPUN = Machine.preset("hindawi_2011")
+PULSED = SPUN.replace(
+    sensor=[item.model_copy(update={"runout": (Runout(order=1, amplitude=2e-6),)})
+            for item in SPUN.sensors],
+    angle={"type": "pulses", "angle_noise": "2 deg", "latency": "0.1 ms"},
+)  # fmt: skip
 
 
 def test_the_default_and_a_linear_filter_are_consistent():
@@ -68,20 +74,18 @@ def test_the_poles_of_the_observer_have_nearly_the_least_error(seed):
 
 
 def test_the_default_estimates_what_rotates_by_the_description():
-    still, spun = Machine.preset("hindawi_2011").replace(speed=0.0), Machine.preset("hindawi_2011")
-    sensors = [item.model_copy(update={"runout": (Runout(order=1, amplitude=2e-6),)})
-               for item in spun.sensors]  # fmt: skip
-    names = [default_name(of) for of in (still, spun, spun.replace(sensor=sensors))]
+    names = [default_name(of) for of in (SPUN.replace(speed=0.0), SPUN, PULSED)]
     assert names == ["extended", "extended+unbalance", "extended+unbalance+runout"]
-    assert [state.role for state in default_filter(spun).states].count("unbalance") == 2
+    assert [state.role for state in default_filter(SPUN).states].count("unbalance") == 2
 
 
 @pytest.mark.parametrize("machine", [
-    Machine.preset("hindawi_2011"), Machine.preset("compressor"),
+    SPUN, Machine.preset("compressor"),
+    pytest.param(PULSED, marks=pytest.mark.long),
     BEARING.replace(speed=300.0, sensor__runout=(Runout(order=1, amplitude=20e-6),)),
 ])  # fmt: skip
 def test_the_default_is_consistent_with_unbalance_or_runout(machine):
-    """Without synchronous states it is so in 28, 0 and 0 % of the samples."""
+    """Without synchronous states it is so in 28, 0, 0 and 0 % of the samples."""
     score = score_defaults(machine, runs=1)
     kind = default_name(machine)
     assert CONSISTENT[0] <= score.nees[kind] <= CONSISTENT[1]
@@ -90,14 +94,13 @@ def test_the_default_is_consistent_with_unbalance_or_runout(machine):
 
 def test_an_unbalance_that_the_filter_does_not_estimate_is_reported():
     """Without the unbalance the same filter is consistent."""
-    spun = Machine.preset("hindawi_2011")
-    (note,) = (of for of in ambkit.simulate(spun, filter="extended").notes if "unbalance" in of)
+    (note,) = (of for of in ambkit.simulate(SPUN, filter="extended").notes if "unbalance" in of)
     assert "'+unbalance'" in note
-    more = [at.model_copy(update={"amount": 5 * spun.unbalances()[0][1], "grade": None})
-            for at in spun.unbalance]  # fmt: skip
-    notes = ambkit.simulate(spun.replace(unbalance=more), filter=default_filter(spun)).notes
+    more = [at.model_copy(update={"amount": 5 * SPUN.unbalances()[0][1], "grade": None})
+            for at in SPUN.unbalance]  # fmt: skip
+    notes = ambkit.simulate(SPUN.replace(unbalance=more), filter=default_filter(SPUN)).notes
     assert any("unbalance U1 is 7" in text and "correct the amount" in text for text in notes)
-    for machine, filter in ((spun, None), (spun.replace(unbalance=[]), "extended")):
+    for machine, filter in ((SPUN, None), (SPUN.replace(unbalance=[]), "extended")):
         notes = ambkit.simulate(machine, filter=filter).notes
         assert not any("with the unbalance" in text for text in notes)
 

@@ -406,8 +406,8 @@ unsigned int amb_angle_follow(const amb_angle_settings *set, amb_angle_state *st
   rotation->estimate = state->mean[1];
   if (unknown) {
     const amb_real most = speed_limit(set, state);
-    rotation->speed = state->backwards ? -most : most;
-    rotation->noise = square(most) / AMB_C(3.0);
+    rotation->speed = (state->backwards ? -most : most) / AMB_C(2.0);
+    rotation->noise = square(most) / AMB_C(12.0);
   }
   rotation->lost = lost;
   rotation->afresh = afresh;

@@ -97,8 +97,8 @@ static amb_real by_change(const amb_synchronous *pair, const amb_kalman *kf,
 }
 
 /* A pair over a sample: it rotates by the error in addition to the known angle, unless the angle is
- * lost. If that was never known, neither is the speed, of this variance: with each sample the pair
- * forgets its phase by as much as the mean cosine of the angle decreases, and keeps its size. */
+ * lost. If that was never known, neither is the speed, of this variance: the pair is a Markov
+ * process of constant size, whose bandwidth is the standard deviation of the speed. */
 static void follow(const amb_synchronous *pair, const amb_speed_error *error, amb_kalman *kf,
                    amb_kalman_state *state, amb_real numbers[], const amb_rotation *rotation,
                    bool forgets, amb_real variance)
@@ -110,9 +110,7 @@ static void follow(const amb_synchronous *pair, const amb_speed_error *error, am
   rotate_pair(&kf->model, numbers, mean, pair->state, by_error, error->state);
   if (rotation->afresh || forgets) {
     const amb_real angle = pair->order * (amb_root(variance) * kf->set.T);
-    const amb_real kept = rotation->afresh
-                              ? AMB_C(0.0)
-                              : (AMB_C(1.0) / (AMB_C(1.0) + ((angle * angle) / AMB_C(2.0))));
+    const amb_real kept = rotation->afresh ? AMB_C(0.0) : (AMB_C(1.0) / (AMB_C(1.0) + angle));
     scale_row(&kf->model, numbers, pair->state, kept);
     scale_row(&kf->model, numbers, pair->state + 1, kept);
     if (forgets) {
@@ -124,17 +122,18 @@ static void follow(const amb_synchronous *pair, const amb_speed_error *error, am
 /* Revolutions after which the size of a pair is known. */
 #define SIZED AMB_C(8.0)
 
-/* Square of twice the amplitude of a pair over its initial variance [1], with `share` of the
+/* Square of twice the amplitude of a pair over its vague initial variance [1], with `share` of the
  * present variance. Twice, because the runout of several sensors may be in phase. */
 static amb_real relative_size(const amb_speed_error *error, const amb_kalman_state *state, int n,
                               int k, amb_real share)
 {
   const int at = error->pair[k].state;
+  const amb_real vague = error->pair[k].vague;
   amb_real sum = AMB_C(0.0);
   for (int i = at; i < (at + 2); i++) {
     sum += (state->mean[i] * state->mean[i]) + (share * state->cov[amb_entry(n, i, i)]);
   }
-  return (AMB_C(2.0) * sum) / (error->std[at] * error->std[at]);
+  return (AMB_C(2.0) * sum) / (vague * vague);
 }
 
 /* Its maxima: [0] of pairs that do not depend on the speed, as runout, [1] of those that do, as
@@ -149,6 +148,17 @@ static void size_of(const amb_model *model, const amb_speed_error *error,
     const amb_real one = relative_size(error, state, amb_states(model), k, AMB_C(1.0));
     size[which] = amb_at_least(amb_at_most(one, AMB_C(1.0)), size[which]);
   }
+}
+
+/* Initial standard deviation of a state, of a pair the vague one. */
+static amb_real vague_std(const amb_speed_error *error, int i)
+{
+  amb_real result = error->std[i];
+  for (int k = 0; k < error->pairs; k++) {
+    const int at = error->pair[k].state;
+    result = ((i == at) || (i == (at + 1))) ? error->pair[k].vague : result;
+  }
+  return result;
 }
 
 /* Upper limit of the size of pairs that are dropped. */
@@ -177,7 +187,8 @@ static void widen(const amb_model *model, const amb_speed_error *error,
     const bool displaced = (role == AMB_POSITION) || (role == AMB_SHOWN);
     const amb_real unsized = displaced ? amb_at_least(dropped, AMB_C(1.0)) : AMB_C(1.0);
     const amb_real share = sized ? ((role == AMB_VELOCITY) ? size[1] : most) : unsized;
-    const amb_real variance = share * (error->std[i] * error->std[i]);
+    const amb_real std = sized ? vague_std(error, i) : error->std[i];
+    const amb_real variance = share * (std * std);
     if ((role != AMB_KNOWN) && (i != error->state)) {
       process_noise[amb_entry(n, i, i)] += variance;
     }

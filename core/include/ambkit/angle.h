@@ -62,8 +62,8 @@ typedef struct amb_angle_state {
 } amb_angle_state;
 
 /* The rotation at a sample, for a filter (ambkit/turning.h) and controllers. From a start until the
- * speed is known to a sixth of max_speed the angle is lost; the speed is then the upper limit, by
- * max_speed and by the time without a pulse, and the noise that of a uniform distribution. */
+ * speed is known to a sixth of max_speed the angle is lost; speed and noise are then mean and
+ * variance between zero and the upper limit, by max_speed and by the time without a pulse. */
 typedef struct amb_rotation {
   amb_real speed;         /* mean over the previous interval [rad/s] ... */
   amb_real acceleration;  /* ... and the acceleration there [rad/s^2] */

@@ -56,6 +56,7 @@ typedef struct amb_synchronous {
   amb_real order; /* periods per revolution */
   amb_real power; /* of the speed, to which its effect is proportional: 2 unbalance, 0 runout */
   amb_real usual; /* variance of the random walk per sample */
+  amb_real vague; /* initial standard deviation if nothing is described */
 } amb_synchronous;
 
 /* The error of an estimated speed (ambkit/angle.h) as a state. */

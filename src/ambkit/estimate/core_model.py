@@ -20,6 +20,7 @@ from ambkit.models.machine_parts import compose, machine_parts, paper_pattern, p
 from ambkit.models.model import ENUMERATORS, ROLES, Model, compressed_rows
 from ambkit.models.parts import SYNCHRONOUS
 from ambkit.models.parts.speed_error import NAME
+from ambkit.models.parts.synchronous import VAGUE
 
 NODE = 0.02  #: Radians per sample between the speeds at which a scheduled model is computed.
 GROWTH = 1e3  #: Acceleration for the transverse part of the unbalance force [rad/s^2].
@@ -134,6 +135,7 @@ class Engine:
                     "state": at, "noise": walk, "order": float(order),
                     "power": 2.0 if self.states[at].role == "unbalance" else 0.0,
                     "usual": self.noises[walk].size ** 2,
+                    "vague": VAGUE * self.states[at].size,
                 })  # fmt: skip
         angle = self.machine.angle
         return {

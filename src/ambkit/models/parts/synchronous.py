@@ -40,8 +40,6 @@ class SynchronousForce:
     def of(cls, machine: Any, speeding: float) -> list[SynchronousForce]:
         """Return one for each plane."""
         amounts, speed = described_unbalance(machine), machine.speed
-        if machine.angle is not None:  # it may be lost: vague
-            amounts = dict.fromkeys(amounts, 0.0)
         size = machine.rotor.mass * GRADE / max(abs(speed), SLOWEST) / len(amounts)
         memory = math.sqrt(machine.sampling_time / MEMORY)
         return [
@@ -112,7 +110,7 @@ class SynchronousRunout:
                 )
                 walk_std = size * math.sqrt(machine.sampling_time / MEMORY)
                 name = signal(f"r{order}", sensor.name)
-                start = DESCRIBED if sensor.runout and machine.angle is None else VAGUE
+                start = DESCRIBED if sensor.runout else VAGUE
                 parts.append(cls(size, walk_std, machine.speed, order, name, seen, start))
         return parts
 
