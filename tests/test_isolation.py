@@ -6,7 +6,7 @@ import pytest
 import ambkit
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.registry import KINDS
-from ambkit.judge.isolation.isolation import FaultIsolation, _error_model
+from ambkit.judge.isolation.isolation import LIMIT, FaultIsolation, _error_model
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.run import simulate
 from ambkit.simulation.waveforms import Ramp, Sine
@@ -201,7 +201,7 @@ def test_a_load_rougher_than_the_filter_assumes_is_no_fault_and_is_said():
     s = result.searches
     assert 4 < np.median(s.roughness[20:]) < 12
     # Without that scale it would raise alarms.
-    assert (s.likelihood * s.roughness[:, None]).max() > 2 * result.limit
+    assert (s.likelihood * s.roughness[:, None]).max() > 2 * LIMIT
 
 
 def test_single_precision_says_the_same():

@@ -207,12 +207,17 @@ ZONE_CAPTION = (
 
 def zone_lines(zones: Sequence[tuple[str, float]], top: float) -> list[Item]:
     """Return the upper ends of the zones over the frequency [dB], and the end of their range."""
+    items = zone_rules([(name, 20 * math.log10(limit)) for name, limit in zones])
+    return [*items, Rule(top, axis="x", signal="reference", label="end of the standard's range")]
+
+
+def zone_rules(zones: Sequence[tuple[str, float]]) -> list[Item]:
+    """Return the upper ends of the zones, of which the legend names all in one."""
     ends = f"upper limits of zones {', '.join(name for name, _ in zones)}"
-    items: list[Item] = [
-        Rule(20 * math.log10(limit), signal="limit", text=name, label=ends if k == 0 else "")
+    return [
+        Rule(limit, signal="limit", text=name, label=ends if k == 0 else "")
         for k, (name, limit) in enumerate(zones)
     ]
-    return [*items, Rule(top, axis="x", signal="reference", label="end of the standard's range")]
 
 
 def nyquist_panel(

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import compress
 from typing import Any, Literal
 
 import numpy as np
@@ -131,19 +132,14 @@ def _decibels(sizes: Array) -> Array:
 
 
 SLOW = 2.0  #: Upper end of the modes' axis, over the peak's frequency or the speed.
-ZONES = "upper limits of zones A, B, C"  #: Label of their lines.
 LINEAR = 20.0  #: Highest peak of abs(S) on a linear axis.
 DAMPED = 0.995  #: Damping ratio above which a mode counts as overdamped.
 
 
 def over_speed_figure(result: Any, zones: Sequence[tuple[str, float]]) -> Figure:
     """Plot sensitivity of each axis, and frequency and damping of the closed loop's modes."""
-    peaks: list[Item] = [
-        Rule(limit, signal="limit", text=name, label=ZONES if k == 0 else "")
-        for k, (name, limit) in enumerate(zones)
-        if k == 0 or limit < 1.5 * np.nanmax(result.peaks)
-    ]
-    peaks += _of_axes(result, result.peaks)
+    near = [k == 0 or limit < 1.5 * np.nanmax(result.peaks) for k, (_, limit) in enumerate(zones)]
+    peaks = [*compress(assessment_figure.zone_rules(zones), near), *_of_axes(result, result.peaks)]
     peaks.append(Line(result.speed, result.largest, signal="bound", label="largest singular value"))
     speed_axis = replace(SPEED, limits=(0.0, float(result.speed[-1])))
     own_speed = operating_speed(result.machine)
@@ -185,10 +181,7 @@ def over_speed_figure(result: Any, zones: Sequence[tuple[str, float]]) -> Figure
 def run_up_figure(result: Any) -> Figure:
     """Plot displacement, current and voltage in a slow run-up, with their limits."""
     shares = result.orbit / result.clearance
-    room: list[Item] = [
-        Rule(limit, signal="limit", text=name, label=ZONES if k == 0 else "")
-        for k, (name, limit) in enumerate(ROOM)
-    ]
+    room = assessment_figure.zone_rules(ROOM)
     room += _of_axes(result, shares) + operating_speed(result.machine)
     current: list[Item] = [Rule(1.0, signal="limit", label="limit")]
     used = result.current / result.current_limit

@@ -11,6 +11,7 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise_model import LinearModel
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
+from ambkit.models.linear import pulse_sizes
 from ambkit.models.plant import Plant
 
 REGULATED = (
@@ -44,10 +45,7 @@ def regulator(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
     weight = np.diag(1 / (SHARE * limit) ** 2)
     seen = C / (0.1 * travel)[:, None]
     # States are scaled by the response to the currents, otherwise digits are lost.
-    pulsed = [B * limit]
-    for _ in range(n):
-        pulsed.append(A @ pulsed[-1])
-    size = np.abs(pulsed).max(axis=(0, 2))
+    size = pulse_sizes(A, B * limit)
     scaled, moved = A * size / size[:, None], B / size[:, None]
     try:
         P = solve_discrete_are(scaled, moved, (seen * size).T @ (seen * size), weight)

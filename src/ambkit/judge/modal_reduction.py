@@ -81,7 +81,7 @@ class Reduction:
         return self.error <= self.tolerance
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the comparison as plain data, in SI; None for infinite or unknown values."""
+        """Return the comparison as data, in SI; infinite or NaN without a value."""
         w, p = self.whirl, self.peak
         return {
             "modes_kept": self.kept,
@@ -91,15 +91,12 @@ class Reduction:
             "up_to_speed": self.fastest,
             "up_to_frequency": self.highest,
             "whirl": {
-                "error": w.share, "kept": _finite(w.kept), "full": _finite(w.full),
-                "speed": w.speed, "left_out": _finite(w.left_out),
+                "error": w.share, "kept": w.kept, "full": w.full, "speed": w.speed,
+                "left_out": w.left_out,
             },
-            "critical_speeds": [
-                {"kept": _finite(kept), "full": _finite(full)} for kept, full in self.critical
-            ],
+            "critical_speeds": [{"kept": kept, "full": full} for kept, full in self.critical],
             "sensitivity_peak": p and {
-                "axis": p.axis, "speed": p.speed, "kept": p.kept, "full": _finite(p.full),
-                "error": _finite(p.share),
+                "axis": p.axis, "speed": p.speed, "kept": p.kept, "full": p.full, "error": p.share,
             },
             "grows": self.grows and [self.grows.real, self.grows.imag],
             "modes_up_to_needed": self.needed,
@@ -253,7 +250,3 @@ def _peaks(machine: Machine, many: Machine) -> tuple[Peak | None, complex | None
 def _whirl_text(whirl: float) -> str:
     way = "forward" if whirl > 0 else "backward"
     return f"{engineering(abs(whirl) / 2 / math.pi, 'Hz', 4)} {way}"
-
-
-def _finite(number: float) -> float | None:
-    return number if math.isfinite(number) else None

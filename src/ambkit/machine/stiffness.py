@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 ForceFunction = Callable[[Array, Array], ArrayLike]
 
+CELLS = 120  #: Per side of the area over which forces are compared, evaluated at their centres.
 # The nine points of eq. 27, in steps.
 _STEP_CURRENT, _STEP_DISPLACEMENT = (g.ravel() for g in np.meshgrid([-1, 0, 1], [-1, 0, 1]))
 
@@ -95,7 +96,7 @@ class StiffnessMap:
         )
         return k_i, k_s
 
-    def force_rms(self, model: ForceFunction | None = None, *, samples: int = 120) -> float:
+    def force_rms(self, model: ForceFunction | None = None) -> float:
         """RMS difference of the force to that of a model, over the area of the grid [N].
 
         Parameters
@@ -103,18 +104,9 @@ class StiffnessMap:
         model : callable, optional
             ``model(iu [A], x [m]) -> [N]``, such as :meth:`ambkit.Expert.force`. Default: the
             constant ``F(0, 0)``, which gives the RMS of the force itself.
-        samples : int
-            Number of cells per side; each cell is evaluated at its centre (midpoint rule). The
-            paper's Table 6 has rules far narrower than a cell, which count by their area only.
-
-        Raises
-        ------
-        AmbkitError
-            `samples` is less than 1.
         """
-        if samples < 1:
-            raise AmbkitError(f"samples must be 1 or more, is {samples}")
-        middle = (np.arange(samples) + 0.5) / samples
+        # Rules of the paper's Table 6 are far narrower than a cell: they count by their area only.
+        middle = (np.arange(CELLS) + 0.5) / CELLS
         iu, x = (
             grid.ravel()
             for grid in np.meshgrid(

@@ -214,6 +214,14 @@ def linearised(
 KNOWN = 1e-8  #: Relative singular value below which it is rounding.
 
 
+def pulse_sizes(A: Array, B: Array) -> Array:
+    """Return the largest magnitudes of the states (n,) after a pulse of the inputs."""
+    pulsed = [B]
+    for _ in A:
+        pulsed.append(A @ pulsed[-1])
+    return np.asarray(np.abs(pulsed).max(axis=(0, 2)))
+
+
 def realised(
     response: Array, T: float, inputs: Sequence[Signal], outputs: Sequence[Signal], blocks: int
 ) -> LinearSystem:

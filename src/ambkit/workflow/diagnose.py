@@ -41,10 +41,8 @@ def diagnosed(record: Any, filter: Any, machine: Any, channels: Any, window: Any
             f"{kalman.name} does not estimate the unbalance of the rotor, which may be named as a "
             "fault: use --filter extended+unbalance"
         )
-    isolation = FaultIsolation(kalman)
-    searches = isolation.run(log)
-    name = f"{plant.name}, {kalman.name}"
-    return Diagnosis(name, searches, isolation.limit, plant.sampling_time, remarks)
+    searches = FaultIsolation(kalman).run(log)
+    return Diagnosis(f"{plant.name}, {kalman.name}", searches, plant.sampling_time, remarks)
 
 
 def _filter(filter: Any, plant: Machine, log: Record) -> tuple[Any, list[str]]:

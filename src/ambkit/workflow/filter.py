@@ -47,16 +47,6 @@ class TunedNoise:
     kept: bool
 
 
-@dataclass(frozen=True)
-class OutsideOperatingRange:
-    """Operation of an expert outside its training range."""
-
-    share: float  #: Share of the samples [1].
-    #: For current and displacement: ends of the range [A] or [m], and the share of samples beyond.
-    current: tuple[float, float, float]
-    displacement: tuple[float, float, float]
-
-
 @dataclass(frozen=True, eq=False)
 class Filtered:
     """One estimator along a record."""
@@ -66,8 +56,8 @@ class Filtered:
     evaluation: Evaluation  #: Evaluation of the estimate.
     tuning: TunedNoise | None = None  #: None if nothing was tuned.
     smoothed: Estimate | None = None  #: Smoothed estimate, if requested.
-    #: By axis, where more than one per cent of the samples lie outside the expert's training range.
-    outside: Mapping[str, OutsideOperatingRange] = field(default_factory=dict)
+    #: How more than one per cent of the samples lie outside the expert's training range, by axis.
+    outside: Mapping[str, str] = field(default_factory=dict)
     #: Unbalance and runout at the end of the record.
     turning: Sequence[Harmonic] = ()
 

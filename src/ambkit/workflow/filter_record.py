@@ -15,7 +15,6 @@ from ambkit.arguments import (
     machine_argument,
     record_argument,
 )
-from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import in_si, names_in
 from ambkit.base.units import figure, percent
@@ -40,14 +39,7 @@ from ambkit.judge.unbalance import unbalance_notes
 from ambkit.machine.axes import isolated_axes, models_of
 from ambkit.machine.machine import Machine
 from ambkit.rotordynamics.harmonics import harmonics
-from ambkit.workflow.filter import (
-    HORIZONS,
-    Filtered,
-    Filtering,
-    OutsideOperatingRange,
-    Stretch,
-    TunedNoise,
-)
+from ambkit.workflow.filter import HORIZONS, Filtered, Filtering, Stretch, TunedNoise
 from ambkit.workflow.tuning import (
     check_signals,
     default_disturbance,
@@ -280,20 +272,7 @@ def _warnings(result: Filtering, samples: int, estimates: Mapping[str, Estimate]
                 "identify the magnet"
             )
         for axis, outside in one.outside.items():
-            yield _of_the_box(f"{name}, axis {axis}" if axis else name, outside)
-
-
-def _of_the_box(name: str, outside: OutsideOperatingRange) -> str:
-    """Return by axis the operation outside an expert's training range."""
-    current, displacement = (
-        f"{figure(low, unit, 3)} to {figure(high, unit, 3)} ({percent(share)})"
-        for (low, high, share), unit in ((outside.current, "A"), (outside.displacement, "m"))
-    )
-    return (
-        f"{name}: {percent(outside.share)} of the samples lie outside the range of the "
-        f"expert, current {current}, displacement {displacement}; there it gives the values at the "
-        "edge: train it on a larger range ('ambkit train --reach')"
-    )
+            yield f"{name}, axis {axis}: {outside}" if axis else f"{name}: {outside}"
 
 
 def missing_control(record: Record) -> tuple[int, int]:
@@ -309,9 +288,9 @@ def missing_control(record: Record) -> tuple[int, int]:
 
 def outside_operating_range(
     estimator: Estimator, estimate: Estimate, record: Record
-) -> dict[str, OutsideOperatingRange]:
-    """Return by axis the operation outside the expert's training range, if relevant."""
-    machine, result = estimator.machine, {}
+) -> dict[str, str]:
+    """Return by axis, in words, the operation outside the expert's training range, if relevant."""
+    machine, results = estimator.machine, {}
     parts = zip(machine.axes, models_of(estimator.magnet), isolated_axes(machine), strict=True)
     for axis, expert, b in parts:
         if not isinstance(expert, Expert):
@@ -319,22 +298,21 @@ def outside_operating_range(
         current = np.clip(
             b.amplifier.gain * record[signal("u", axis.name)], b.current_min, b.current_max
         )
-        x = sum(form * estimate[q] for q, form in axis.line.form.items())
-        one = _outside(expert, current, np.asarray(x))
-        if one.share > OUTSIDE:
-            result[axis.name] = one
-    return result
-
-
-def _outside(expert: Expert, current: Array, x: Array) -> OutsideOperatingRange:
-    """Return the operation outside an expert's range, at currents [A] and positions [m]."""
-    box = expert.current_range, expert.displacement_range
-    # Tolerates rounding at the ends; missing samples do not count.
-    slack = [1e-9 * (high - low) for low, high in box]
-    beyond = [
-        (at < low - s) | (at > high + s)
-        for at, (low, high), s in zip((current, x), box, slack, strict=True)
-    ]
-    share = float(np.mean(beyond[0] | beyond[1]))
-    ends = [(low, high, float(np.mean(b))) for (low, high), b in zip(box, beyond, strict=True)]
-    return OutsideOperatingRange(share, ends[0], ends[1])
+        x = np.asarray(sum(form * estimate[q] for q, form in axis.line.form.items()))
+        beyond, texts = np.zeros(len(x), bool), []
+        for what, values, (low, high), unit in (
+            ("current", current, expert.current_range, "A"),
+            ("displacement", x, expert.displacement_range, "m"),
+        ):
+            slack = 1e-9 * (high - low)  # of rounding at the ends; missing samples do not count
+            out = (values < low - slack) | (values > high + slack)
+            ends = f"{figure(low, unit, 3)} to {figure(high, unit, 3)}"
+            texts.append(f"{what} {ends} ({percent(out.mean())})")
+            beyond |= out
+        if beyond.mean() > OUTSIDE:
+            results[axis.name] = (
+                f"{percent(beyond.mean())} of the samples lie outside the range of the expert, "
+                f"{', '.join(texts)}; there it gives the values at the edge: train it on a larger "
+                "range ('ambkit train --reach')"
+            )
+    return results

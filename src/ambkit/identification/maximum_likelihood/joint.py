@@ -26,6 +26,7 @@ from ambkit.identification.maximum_likelihood.likelihood import (
     Likelihood,
     Local,
     between_blocks,
+    scores_of,
 )
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
@@ -159,13 +160,11 @@ class Joint:
             )
             more_e.append(((e_up - e_down)[used] / length) / np.sqrt(S))
             more_S.append(((S_up - S_down)[used] / length) / S)
-        by_e, by_S = np.vstack([by_e, more_e]), np.vstack([by_S, more_S])
         by_i = np.array(of_current) / math.sqrt(variance)
-        r = e / np.sqrt(S)
-        scores = np.zeros((by_e.shape[0], used.size))
-        scores[:, used] = -(by_e * r + 0.5 * by_S * (1 - r**2))
+        counted, information = scores_of(e, S, np.vstack([by_e, more_e]), np.vstack([by_S, more_S]))
+        scores = np.zeros((len(counted), used.size))
+        scores[:, used] = counted
         scores[p:] -= by_i * i / math.sqrt(variance)
-        information = by_e @ by_e.T + 0.5 * by_S @ by_S.T
         information[p:, p:] += by_i @ by_i.T
         slope, known = likelihood.priors(likelihood.coordinates.model)
         information[:p, :p] += known

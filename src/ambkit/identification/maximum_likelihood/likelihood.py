@@ -190,9 +190,7 @@ class Likelihood:
     def of_slopes(self, model: LoopModel, slopes: Slopes) -> Local:
         """Return value, score and information at a model, of the derivatives there."""
         e, S, by_e, by_S, _ = slopes
-        r = e / np.sqrt(S)
-        scores = -(by_e * r + 0.5 * by_S * (1 - r**2))
-        information = by_e @ by_e.T + 0.5 * by_S @ by_S.T
+        scores, information = scores_of(e, S, by_e, by_S)
         slope, known = self.priors(model)
         return Local(
             _log_likelihood(e, S) + log_prior(model),
@@ -212,6 +210,12 @@ class Likelihood:
                 step = (value if parameter.positive else unit[at]) / std
                 slope[at], precision[at] = -step * parameter.from_prior(model), step**2
         return slope, np.diag(precision)
+
+
+def scores_of(e: Array, S: Array, by_e: Array, by_S: Array) -> tuple[Array, Array]:
+    """Return scores (p, n) and information (p, p) of the derivatives of the innovations."""
+    r = e / np.sqrt(S)
+    return -(by_e * r + 0.5 * by_S * (1 - r**2)), by_e @ by_e.T + 0.5 * by_S @ by_S.T
 
 
 def _log_likelihood(e: Array, S: Array) -> float:

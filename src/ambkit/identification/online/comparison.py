@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -112,38 +112,35 @@ class OnlineComparison(Result):
     def agreement(self) -> str:
         """Agreement of the methods, in a sentence."""
         learned = [name for name, result in self.results.items() if not result.held.all()]
-        idle = [_THE[name] for name in self.results if name not in learned]
-        text = self._of(learned)
+        idle = [name for name in self.results if name not in learned]
+        text = self._of(learned) if learned else "nobody learned"
         if idle:
-            who = _listed(idle)
-            text += f"; {who} never learned" if learned else "Nobody learned"
-            text += ": too little excitation, their k is the start."
-        else:
-            text += "."
-        return text[0].upper() + text[1:]
+            text += f"; {_listed(idle)} never learned" if learned else ""
+            text += ": too little excitation, their k is the start"
+        return f"{text[0].upper()}{text[1:]}."
 
     def _of(self, learned: list[str]) -> str:
-        k = {name: self.results[name].magnet_constant for name in learned}
-        if len(learned) < 2:
-            return f"only {_THE[learned[0]]} learned" if learned else ""
-        pairs = [pair for pair in combinations(learned, 2) if self.agree(*pair)]
-        if len(pairs) == len(learned) * (len(learned) - 1) // 2:
-            all_of = "all three" if len(learned) == 3 else " and ".join(_THE[n] for n in learned)
-            return f"{all_of} agree within their errors"
-        if not pairs:
+        if len(learned) == 1:
+            return f"only {_THE[learned[0]]} learned"
+        pairs = list(combinations(learned, 2))
+        apart = [pair for pair in pairs if not self.agree(*pair)]
+        if not apart:
+            who = "all three" if len(learned) == 3 else _listed(learned)
+            return f"{who} agree within their errors"
+        if apart == pairs:
             return "no two of them agree"
-        if len(pairs) > 1:  # one is between the two others, and agrees with both
-            odd = next(p for p in combinations(learned, 2) if p not in pairs)
-            between = next(name for name in learned if name not in odd)
+        if len(apart) == 1:
+            (between,) = set(learned).difference(*apart)
             return (
-                f"the k of {_THE[between]} agrees with those of {_listed([_THE[n] for n in odd])}, "
-                "which differ from each other"
+                f"the k of {_THE[between]} agrees with those of {_listed(apart[0])}, which differ "
+                "from each other"
             )
-        one, other = pairs[0]
-        odd_one = next(name for name in learned if name not in pairs[0])
-        off = 100 * (k[odd_one] / ((k[one] + k[other]) / 2) - 1)
+        (odd,) = set.intersection(*map(set, apart))
+        rest = [name for name in learned if name != odd]
+        mean = sum(self.results[name].magnet_constant for name in rest) / 2
+        off = 100 * (self.results[odd].magnet_constant / mean - 1)
         return (
-            f"{_THE[one]} and {_THE[other]} agree within their errors, the k of {_THE[odd_one]} is "
+            f"{_listed(rest)} agree within their errors, the k of {_THE[odd]} is "
             f"{abs(off):.1f} % {'higher' if off > 0 else 'lower'}"
         )
 
@@ -258,8 +255,9 @@ def unknown_disturbance(result: OnlineResult) -> float | None:
     return float(result.load[last_quarter(result.k)].mean())
 
 
-def _listed(names: list[str]) -> str:
-    return " and ".join(names) if len(names) < 3 else f"{', '.join(names[:-1])} and {names[-1]}"
+def _listed(names: Iterable[str]) -> str:
+    """Return one or two methods in words."""
+    return " and ".join(_THE[name] for name in names)
 
 
 STYLES = {"adaline": "series 2", "rls": "series 3", "augmented": "series 1"}

@@ -92,6 +92,16 @@ class Case:
         roles = {role for name in filters for role in split_name(name)[1]}
         return replace(self, synchronous=tuple(sorted(roles)))
 
+    @property
+    def certain(self) -> bool:
+        """Whether the plant is the described machine."""
+        return self.spread == CERTAIN and self.magnet_constant == 1.0
+
+    def factors(self, runs: int, seed: int) -> Iterator[Spread]:
+        """Yield the factors on the values of the plant."""
+        for one in self.spread.factors(runs, seed):
+            yield replace(one, magnet_constant=one.magnet_constant * self.magnet_constant)
+
     def process_noise(self, machine: Machine) -> Any:
         """Return the intensity of the disturbance's random walk, of each axis [N^2/s]."""
         own = KalmanFilter(machine).variances.disturbance
@@ -142,14 +152,10 @@ def iterate_trials(case: Case, machine: Machine, runs: int, seed: int) -> Iterat
     if not machine.single:
         yield from _flights(case, machine, runs, seed)
         return
-    nominal = case.spread == CERTAIN and case.magnet_constant == 1.0
-    fixed = _magnet(case, machine, machine) if nominal else None
+    fixed = _magnet(case, machine, machine) if case.certain else None
     known = KalmanFilter(machine)
-    for run, factors in enumerate(case.spread.factors(runs, seed)):
+    for run, factors in enumerate(case.factors(runs, seed)):
         plant = factors.plant(machine)
-        if case.magnet_constant != 1.0:
-            constant = case.magnet_constant * plant.magnet.magnet_constant
-            plant = plant.replace(**plant.magnet.with_constant(constant))
         scenario = case.scenario(machine, LOAD * factors.load)
         own = {"seed": 1000 * seed + run, "plant": case.plant}
         scenario = scenario.model_copy(update=own)
@@ -159,7 +165,7 @@ def iterate_trials(case: Case, machine: Machine, runs: int, seed: int) -> Iterat
             variance = case.process_noise(machine) * plant.sampling_time
             load, walk = random_walk(streams(scenario)[0], variance, samples(plant, scenario))
             external_inputs = replace(external_inputs, disturbance=load)
-        magnet = fixed if nominal else _magnet(case, plant, machine)
+        magnet = fixed if case.certain else _magnet(case, plant, machine)
         record = simulate(
             plant, scenario, estimator=known, magnet=magnet, external_inputs=external_inputs
         )
@@ -177,14 +183,12 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
         )
     known, T = KalmanFilter(machine), machine.sampling_time
     names = [axis.name for axis in machine.axes]
-    certain = case.spread == CERTAIN and case.magnet_constant == 1.0
     control = Control()
-    if not certain:  # the controllers are those of the described machine
+    if not case.certain:  # the controllers are those of the described machine
         pids = zip(names, holding(machine, "estimate").pids, strict=True)
         control = Control(pid={name: PID(**gains._asdict()) for name, gains in pids})
-    for run, factors in enumerate(case.spread.factors(runs, seed)):
-        true = replace(factors, magnet_constant=factors.magnet_constant * case.magnet_constant)
-        plant = machine if certain else true.plant(machine)
+    for run, factors in enumerate(case.factors(runs, seed)):
+        plant = machine if case.certain else factors.plant(machine)
         parts = [case.scenario(axis, LOAD * factors.load) for axis in isolated_axes(machine)]
         duration = max(of.duration for of in parts)
         loads = {name: of.disturbance for name, of in zip(names, parts, strict=True)}

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ambkit.base.units import figure
-from ambkit.judge.isolation.isolation import SEARCHES, LeastSizes, Searches
+from ambkit.judge.isolation.isolation import LIMIT, SEARCHES, LeastSizes, Searches
 from ambkit.judge.isolation.signatures import Signature
 from ambkit.result.report import Axis, Figure, Line, Panel, Rule
 from ambkit.result.result import Result
@@ -35,7 +35,6 @@ class Diagnosis(Result):
 
     name: str  #: Of machine and filter.
     searches: Searches
-    limit: float  #: Likelihood ratio of an alarm.
     sampling_time: float
     remarks: Sequence[str] = field(default=())
 
@@ -111,7 +110,7 @@ class Diagnosis(Result):
         error = float(s.std[at, j].max())
         law = LAWS.get(signature.name, float)
         size, error = law(size), abs(law(size + error) - law(size - error)) / 2
-        raised = k is not None and s.likelihood[at, j] >= self.limit
+        raised = k is not None and s.likelihood[at, j] >= LIMIT
         group = int(s.instead[at, j])  # of faults that cannot be told apart
         shared = group >= 0 and np.count_nonzero(s.instead[at] == group) > 1
         verdict = "possible" if shared else "named" if group >= 0 else "–"
@@ -146,7 +145,7 @@ class Diagnosis(Result):
     @property
     def series(self) -> dict[str, Any]:
         return {
-            "named": self.faults, "limit": self.limit, "t": self.searches.t.tolist(),
+            "named": self.faults, "limit": LIMIT, "t": self.searches.t.tolist(),
             "likelihood": {
                 s.name: self.searches.likelihood[:, j].tolist()
                 for j, s in enumerate(self.searches.signatures)
@@ -161,10 +160,10 @@ class Diagnosis(Result):
                  label=s.signatures[j].name)
             for place, j in enumerate(order, 1)
         ]  # fmt: skip
-        top = 2 * max(self.limit, float(s.likelihood.max(initial=0.0)))
+        top = 2 * max(LIMIT, float(s.likelihood.max(initial=0.0)))
         panel = Panel(
             Axis("time", "s"), Axis("likelihood ratio", scale="log", limits=(LEAST, top)),
-            [*lines, Rule(self.limit, signal="limit", label="alarm")],
+            [*lines, Rule(LIMIT, signal="limit", label="alarm")],
         )  # fmt: skip
         return [
             Figure(

@@ -113,10 +113,10 @@ def window_of(machine: Machine) -> int:
 class FaultIsolation:
     """Fault isolation beside a filter."""
 
-    def __init__(self, kalman: Any, *, limit: float = LIMIT, margin: float = MARGIN):
+    def __init__(self, kalman: Any):
         if not kalman.by_model or not hasattr(kalman.core, "covariance"):
             raise AmbkitError(f"{kalman.name}: no model of the machine to isolate faults by")
-        self.kalman, self.limit, self.margin = kalman, limit, margin
+        self.kalman = kalman
         self.signatures = tuple(signatures_of(kalman.view, kalman.magnet))
         self.window = window_of(kalman.machine)
         self.every = self.window // SEARCHES
@@ -137,7 +137,7 @@ class FaultIsolation:
             "states": len(A), "forces": len(b), "sensors": len(H), "columns": len(columns),
             "tones": len(tones), "forms": len(form), "window": self.window, "spare": self.every,
             "late": LATE_BY, "speed": kalman.view.speed or 0.0,
-            "limit": self.limit, "margin": self.margin, "like": LIKE, "fine": FINE, "alike": ALIKE,
+            "limit": LIMIT, "margin": MARGIN, "like": LIKE, "fine": FINE, "alike": ALIKE,
             "gradients": len(gradient), "gradient": gradient.ravel().tolist(),
             "A": A.ravel().tolist(), "b": b.ravel().tolist(), "H": H.ravel().tolist(),
             "h": (kalman.model.h * units).ravel().tolist(),
@@ -181,8 +181,8 @@ class FaultIsolation:
         M, k = self.information(self.span), len(self.signatures)
         first = np.cumsum([0, *(len(s.columns) for s in self.signatures)])
         of = [np.arange(first[j], first[j + 1]) for j in range(k)]
-        seen = np.sqrt(self.limit) + NINE_IN_TEN
-        apart = np.sqrt(self.margin) + NINE_IN_TEN
+        seen = np.sqrt(LIMIT) + NINE_IN_TEN
+        apart = np.sqrt(MARGIN) + NINE_IN_TEN
         detected, separated = np.full(k, np.inf), np.full((k, k), np.inf)
         for j in range(k):
             own = _least(M[np.ix_(of[j], of[j])])

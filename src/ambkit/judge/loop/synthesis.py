@@ -15,7 +15,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
 from ambkit.data.signals import signal
-from ambkit.models.linear import EDGE, LinearSystem, Signal
+from ambkit.models.linear import EDGE, LinearSystem, Signal, pulse_sizes
 
 
 def least_peaks(plant: LinearSystem) -> tuple[float, float]:
@@ -54,10 +54,7 @@ def least_peaks(plant: LinearSystem) -> tuple[float, float]:
 
 def _scaled(plant: LinearSystem) -> tuple[Array, Array, Array]:
     """Return A, B, C with states scaled by the response to a pulse of the controls."""
-    pulsed = [plant.B]
-    for _ in plant.A:
-        pulsed.append(plant.A @ pulsed[-1])
-    size = np.abs(pulsed).max(axis=(0, 2))
+    size = pulse_sizes(plant.A, plant.B)
     A, B, C = plant.A * size / size[:, None], plant.B / size[:, None], plant.C * size
     return A, B / np.abs(B).max(), C / np.abs(C).max()
 
@@ -181,10 +178,7 @@ class LQG:
         self.B = np.vstack([self.b, np.zeros((p, p))])
         self.C = np.hstack([plant.C[:m], np.zeros((m, p))])
         # States are scaled by the response to control signals; otherwise digits are lost.
-        pulsed = [self.b]
-        for _ in range(n + 1):
-            pulsed.append(A @ pulsed[-1])
-        self.size = np.abs(pulsed).max(axis=(0, 2))
+        self.size = pulse_sizes(A, self.b)
         load_intensity = plant.T * np.broadcast_to(np.asarray(noise.load, float), p)
         var_u = np.broadcast_to(np.asarray(noise.control, float), p)
         var_y = np.broadcast_to(np.asarray(noise.measurement, float), m)
