@@ -18,7 +18,7 @@ from ambkit.estimate.kalman import ExtendedKalmanFilter, KalmanFilter
 from ambkit.estimate.machine_model import several
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import get_kind, learned_magnet
-from ambkit.judge.comparison.criteria import normalised_errors, rows_along
+from ambkit.judge.comparison.criteria import normalised_errors
 from ambkit.machine.accessories import Runout
 from ambkit.machine.axes import force_laws, isolated_axes, weights_of
 from ambkit.machine.machine import Machine
@@ -303,7 +303,7 @@ def _quantities(estimator: Estimator) -> tuple[Array, tuple[str, ...]]:
         k for roles in (("current",), ("unbalance", "runout"))
         for k, state in enumerate(states) if state.role in roles
     ]  # fmt: skip
-    rows = np.concatenate([*rows_along(states, view), np.eye(len(states))[own]])
+    rows = np.concatenate([*view.rows_along(states), np.eye(len(states))[own]])
     return rows, (*names, *(states[k].name for k in own))
 
 
@@ -327,7 +327,7 @@ def _raw(estimator: Estimator, record: Record, truth: Array, start: int) -> Arra
     """Return the errors of the displacements that explain the readings best."""
     view = estimator.view
     y = np.column_stack([record[signal("y", r.name)] for r in view.machine.readings])
-    raw_position = (y @ (view.H @ view.displayed).T)[start:]
+    raw_position = (y @ view.shown.T)[start:]
     result = np.full(truth.shape[1], np.nan)
     p = len(view.isolated)
     result[:p] = np.sqrt(np.mean((raw_position - truth[:, :p]) ** 2, axis=0))

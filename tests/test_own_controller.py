@@ -10,7 +10,7 @@ from quick import quick
 
 import ambkit
 from ambkit import AmbkitError, Control, Machine, Scenario
-from ambkit.control.held_loop import shown_along_axes
+from ambkit.estimate.machine_model import View
 
 AXIS, MACHINE = Machine.preset("zittau_axial"), Machine.preset("tum_mlps")
 KP, KD = 1700.0, 11.0
@@ -54,7 +54,7 @@ class OfAxes:
 
     def __init__(self, machine: Machine) -> None:
         self.T, self.last = machine.sampling_time, None
-        self.along = shown_along_axes(machine)
+        self.along = View(machine).shown
 
     def step(self, y: Any, r: Any, estimate: Any) -> Any:
         assert estimate is None
@@ -97,7 +97,7 @@ def test_a_controller_of_several_axes_sees_all_readings() -> None:
     run = ambkit.simulate(MACHINE, Scenario(duration=0.05, controller=control, noise=False), "none")
     assert run.estimate is None
     y = np.column_stack([run.record[f"y_{reading.name}"] for reading in MACHINE.readings])
-    x = y @ shown_along_axes(MACHINE).T
+    x = y @ View(MACHINE).shown.T
     r, u = (np.column_stack([run.record[f"{of}_{a}"] for a in run.axes]) for of in "ru")
     gain = [axis.bearing.amplifier.gain for axis in MACHINE.axes]
     expected = 20e3 * (r[5] - x[5]) - 30.0 * (x[5] - x[4]) / MACHINE.sampling_time

@@ -12,7 +12,7 @@ import numpy as np
 from ambkit.base.errors import AmbkitError
 from ambkit.control.control import Control
 from ambkit.control.controllers import Controllers, controllers_of
-from ambkit.control.held_loop import Gains, shown_along_axes
+from ambkit.control.held_loop import Gains
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_controller import compensator, controllers, fed
 from ambkit.control.linear.linear_plant import OperatingPoint, plant
@@ -20,6 +20,7 @@ from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.control.pid import GAINS, PID
 from ambkit.control.stabilising_controller import ENOUGH, round_to_two_digits, weight_of
 from ambkit.estimate.kalman import KalmanFilter
+from ambkit.estimate.machine_model import View
 from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.modes import max_frequency
 from ambkit.models.linear import LinearSystem, Signal
@@ -193,7 +194,7 @@ class _AtSpeed:
     def __init__(self, machine: Machine, point: OperatingPoint, speed: float) -> None:
         self.machine, self.point = machine.model_copy(update={"speed": speed}), point
         self.system = plant(self.machine, point)
-        self.shown = shown_along_axes(machine)
+        self.shown = View(machine).shown
         self.added = np.asarray(np.linalg.pinv(self.shown))
 
     @cached_property

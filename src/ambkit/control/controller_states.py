@@ -77,9 +77,7 @@ class Controller:
     def integrals(self, currents: Array, place: Array) -> Array:
         """Return the integrals (q,) [A] in equilibrium."""
         # currents (p,) [A]; place (p,) [m]
-        view = self.estimator.view
-        q = np.zeros(view.H.shape[1])
-        q[: view.rigid] = np.linalg.pinv(view.H[:, : view.rigid]) @ place
+        q = self.estimator.view.placed @ place
         states = np.ravel(self.estimator.equilibrium_state(q, current=currents))
         return self.law.integrals(currents, place, states if self.fed else None)
 

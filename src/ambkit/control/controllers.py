@@ -15,7 +15,6 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.control.blocks import gain_at_rest, sections_of
 from ambkit.control.control import Control
-from ambkit.control.held_loop import shown_along_axes
 from ambkit.control.pid import GAINS, PID, GainSchedule, integral_lead, overlaid, schedule_fields
 from ambkit.control.regulator import regulator, scheduled
 from ambkit.control.stabilising_controller import holding
@@ -26,7 +25,7 @@ from ambkit.control.synchronous_compensation import (
     unbalance_control_fields,
 )
 from ambkit.estimate.estimator import Estimator
-from ambkit.machine import geometry
+from ambkit.estimate.machine_model import View
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.plant import Plant
@@ -195,7 +194,7 @@ def behind(gains: Sequence[float]) -> list[Sequence[float]]:
 def _decentralised(plant: Plant, pids: Sequence[PID], estimator: Estimator | None) -> Controllers:
     limits = [(isolated.current_min, isolated.current_max) for isolated in plant.isolated]
     names, one = tuple(axis.name for axis in plant.machine.axes), np.eye(len(pids))
-    transform = shown_along_axes(plant.machine)
+    transform = View(plant.machine).shown
     feedback = _fed_forward(plant, pids, estimator)
     own = {k: _seen(plant, estimator, k, pid.sees) for k, pid in enumerate(pids) if pid.sees}
     for k, (by_reading, _) in own.items():
@@ -270,7 +269,7 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
     stated = _stated(control, list(masses))
     k = [ConstantStiffness.of(isolated) for isolated in plant.isolated]
     k_i, k_s = np.array([item.k_i for item in k]), np.array([item.k_s for item in k])
-    H, first = _rigid(plant), plant.isolated[0]
+    H, first = plant.H[:, : len(masses)], plant.isolated[0]
     to_axes, explained = _currents(plant), np.linalg.pinv(H)
     pids: list[PID] = []
     gains, of_axes, spread = [], [], []
@@ -291,7 +290,7 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
         gains.append(gains_of(pid, plant.machine.sampling_time, -room, room))
         of_axes.append(lever * explained[at])
         spread.append(amperes)
-    transform = np.array(of_axes) @ shown_along_axes(plant.machine)
+    transform = np.array(of_axes) @ View(plant.machine).shown
     return Controllers(
         gains, tuple(masses), np.array(of_axes), np.array(spread).T,
         np.array([integral_lead(pid, 1.0) for pid in pids]), transform,
@@ -318,7 +317,7 @@ def _regulated(plant: Plant, estimator: Estimator, by_speed: bool) -> Controller
     return Controllers(
         # The references act through the integrals only.
         passed, tuple(axis.name for axis in plant.machine.axes), np.eye(p), ahead, -np.ones(p),
-        shown_along_axes(plant.machine),
+        View(plant.machine).shown,
         feedback | {"position": nothing, "velocity": nothing},
     )  # fmt: skip
 
@@ -329,12 +328,6 @@ def _rows(estimator: Estimator, sensor_rows: Array) -> dict[str, Array]:
     return {"position": position, "velocity": velocity}
 
 
-def _rigid(plant: Plant) -> Array:
-    """Return displacements along the axes by the rigid-body coordinates (p, q)."""
-    lines = [axis.line for axis in plant.machine.axes]
-    return np.asarray(geometry.matrix(lines, plant.machine.rigid_coordinates))
-
-
 def _places(estimator: Estimator, role: str) -> list[int]:
     return [k for k, state in enumerate(estimator.states) if state.role == role]
 
@@ -342,7 +335,8 @@ def _places(estimator: Estimator, role: str) -> list[int]:
 def _currents(plant: Plant) -> Array:
     """Return the currents (p, q) per unit force and torque on the rigid rotor."""
     k_i = np.array([ConstantStiffness.of(isolated).k_i for isolated in plant.isolated])
-    return np.asarray(np.linalg.pinv(_rigid(plant).T) / k_i[:, None])
+    rigid = len(plant.machine.rigid_coordinates)
+    return np.asarray(np.linalg.pinv(plant.H[:, :rigid].T) / k_i[:, None])
 
 
 def _against_gyroscopics(plant: Plant, estimator: Estimator) -> Array:

@@ -14,7 +14,7 @@ from ambkit.control.linear.linear_controller import side_by_side
 from ambkit.control.linear.linear_plant import POSITION, VELOCITY, OperatingPoint, of_axes, plant
 from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.machine import geometry
+from ambkit.estimate.machine_model import View
 from ambkit.machine.axes import isolated_axes, weights_of
 from ambkit.machine.loading import levitation_current
 from ambkit.machine.machine import Machine
@@ -51,7 +51,7 @@ class Sensitivities:
         f = _frequencies(machine, P)
         self.T, self.z = machine.sampling_time, np.exp(2j * np.pi * f * machine.sampling_time)
         self.volts = np.array([1 / b.amplifier.gain for b in isolated_axes(machine)])
-        self.shown = shown_along_axes(machine)
+        self.shown = View(machine).shown
         self.added = np.linalg.pinv(self.shown)
         self.plant = P.response(f)[:, :m, :p]
         self.seen = self.shown @ self.plant
@@ -82,16 +82,6 @@ def sensitivities(machine: Machine, *, estimated: bool) -> Sensitivities | None:
         return Sensitivities(machine, estimated=estimated)
     except (AmbkitError, ValueError):
         return None
-
-
-def shown_along_axes(machine: Machine) -> Array:
-    """Return the displacements along the axes (p, m), by the readings."""
-    # From the rigid-body motion that fits all readings best.
-    positions = machine.rigid_coordinates
-    H = geometry.matrix([axis.line for axis in machine.axes], positions)
-    C = geometry.matrix([r.line for r in machine.readings], positions)
-    gains = np.array([r.sensor.gain for r in machine.readings])
-    return np.asarray(H @ np.linalg.pinv(gains[:, None] * C))
 
 
 def _frequencies(machine: Machine, P: LinearSystem) -> Array:
@@ -178,7 +168,7 @@ class HeldLoop:
         self.axes = [axis.name for axis in machine.axes]
         p, m = len(machine.axes), len(machine.readings)
         self.measured = feedback == "measurement"
-        position = shown_along_axes(machine) @ system.C[:m]
+        position = View(machine).shown @ system.C[:m]
         seen: Any = [position]
         if not self.measured:
             at = {state.name: k for k, state in enumerate(system.states)}

@@ -51,30 +51,27 @@ class View:
         }
 
     @cached_property
-    def _by_axes(self) -> tuple[Array, Array]:
-        """Coordinates (q, p) of a rigid rotor by displacements along the axes; clearances (p,)."""
-        clearances = [item.clearance for item in self.isolated]
-        inverse = np.asarray(np.linalg.pinv(self.H[:, : self.rigid]))
-        return inverse, np.array(clearances)
+    def placed(self) -> Array:
+        """Coordinates (q, p) of a rigid rotor by displacements along the axes."""
+        return geometry.rigid_motion(self.H, self.rigid)
 
     @cached_property
     def travel(self) -> Array:
         """Clearance of each rigid-body coordinate [m] or [rad]."""
-        inverse, clearances = self._by_axes
-        return np.asarray(np.abs(inverse) @ clearances)
+        clearances = np.array([item.clearance for item in self.isolated])
+        return np.asarray(np.abs(self.placed[: self.rigid]) @ clearances)
 
     @cached_property
     def travel_seen(self) -> Array:
         """Clearance at each reading, without its gain (m,) [m]."""
-        inverse, clearances = self._by_axes
-        return np.asarray(np.abs(self.C[:, : self.rigid] @ inverse) @ clearances)
+        clearances = np.array([item.clearance for item in self.isolated])
+        moved = self.C[:, : self.rigid] @ self.placed[: self.rigid]
+        return np.asarray(np.abs(moved) @ clearances)
 
     @cached_property
     def seen(self) -> Array:
         """Coordinates (q, m) of a rigid rotor that fit the sensors' directions best."""
-        result = np.zeros((self.C.shape[1], len(self.gains)))
-        result[: self.rigid] = np.linalg.pinv(self.C[:, : self.rigid])
-        return result
+        return geometry.rigid_motion(self.C, self.rigid)
 
     @cached_property
     def steps(self) -> Array:
@@ -84,9 +81,12 @@ class View:
     @cached_property
     def displayed(self) -> Array:
         """Coordinates (q, m) of a rigid rotor that fit the readings best."""
-        result = np.zeros((self.C.shape[1], len(self.gains)))
-        result[: self.rigid] = np.linalg.pinv(self.gains[:, None] * self.C[:, : self.rigid])
-        return result
+        return geometry.rigid_motion(self.gains[:, None] * self.C, self.rigid)
+
+    @property
+    def shown(self) -> Array:
+        """Displacements along the axes (p, m) of that rigid rotor, by the readings."""
+        return np.asarray(self.H[:, : self.rigid] @ self.displayed[: self.rigid])
 
     def along_axes(self, states: Sequence[Descriptor]) -> tuple[Array, Array]:
         """Return displacements and velocities along the axes, by the states (p, n)."""
@@ -101,6 +101,15 @@ class View:
             rows[:, [k for k, state in enumerate(states) if state.role in roles]] = lines
             results.append(rows)
         return results[0], results[1]
+
+    def rows_along(self, states: Sequence[Descriptor]) -> tuple[Array, Array, Array]:
+        """Return displacements, velocities and disturbances along the axes, by the states."""
+        names = [state.name for state in states]
+        loads = np.zeros((len(self.isolated), len(names)))
+        for k, axis in enumerate(self.machine.axes):
+            if signal("f_d", axis.name) in names:
+                loads[k, names.index(signal("f_d", axis.name))] = 1.0
+        return (*self.along_axes(states), loads)
 
     def variances(self, noise: FilterNoise) -> Variances:
         """Return the variances assumed by a filter, one for each reading and axis."""

@@ -26,8 +26,7 @@ def on_stop(machine: Machine, record: Record) -> Bools:
     y = np.array([record[signal("y", r.name)] for r in readings]) / gains[:, None]
     noise = 2 * max(r.sensor.noise_variance**0.5 / gain
                     for r, gain in zip(readings, gains, strict=True))  # fmt: skip
-    rigid, at = slice(0, view.rigid), 0
-    there = view.H[:, rigid] @ np.linalg.pinv(view.C[:, rigid]) @ y
+    there, at = view.H @ view.seen @ y, 0
     for bearing in machine.bearings:
         along = there[at : (at := at + 1 + (bearing.type == "radial"))]
         if noise < 0.2 * bearing.clearance:

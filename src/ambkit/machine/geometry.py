@@ -153,6 +153,13 @@ def matrix(lines: list[Line], positions: tuple[str, ...]) -> Array:
     return np.array([[form.get(q, 0.0) for q in positions] for form in forms])
 
 
+def rigid_motion(rows: Array, rigid: int) -> Array:
+    """Return the coordinates (q, k) of a rigid rotor that fit displacements (k,) by rows (k, q)."""
+    result = np.zeros(rows.shape[::-1])
+    result[:rigid] = np.linalg.pinv(rows[:, :rigid])
+    return result
+
+
 def masses(
     rotor: Body, positions: tuple[str, ...], bending: Bending | None = None
 ) -> dict[str, float]:

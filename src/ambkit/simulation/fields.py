@@ -15,6 +15,7 @@ from ambkit.control.controller_states import Controller, lies_at
 from ambkit.control.controllers import Controllers, arrays, controllers_of, gains_of, relative_gains
 from ambkit.control.pid import PID, integral_lead
 from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.machine_model import View
 from ambkit.machine.loading import levitation_current_at
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Law, MagnetModel, magnet_of
@@ -148,9 +149,7 @@ class InLoops:
         start = {"place": self.place, "current": self.current}
         start["integral"] = self.law.integrals(*self.held)
         if elsewhere is not None:
-            rigid = len(machine.rigid_coordinates)
-            start["place"] = np.zeros(len(self.place))
-            start["place"][:rigid] = np.linalg.pinv(self.plant.H[:, :rigid]) @ elsewhere
+            start["place"] = View(machine).placed @ elsewhere
         result: dict[str, Any] = {k: np.ascontiguousarray(v, precision) for k, v in start.items()}
         if scenario.sequence is not None and estimator is not None:
             fed = self.fed is not None

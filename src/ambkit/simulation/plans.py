@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.control.controllers import Controllers
-from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
@@ -228,14 +227,10 @@ class Plans:
     def _along(self, estimator: Estimator) -> Any:
         """Return displacements, velocities and disturbances of the axes, by estimator states."""
         if id(estimator) not in self._rows:
-            states, machine = estimator.states, estimator.view.machine
-            parts: list[Any] = list(estimator.view.along_axes(states))
-            names = [state.name for state in states]
-            loads = [signal("f_d", axis.name) for axis in machine.axes]
-            if set(loads) <= set(names):
-                parts.append(np.eye(len(names))[[names.index(load) for load in loads]])
+            *motion, loads = estimator.view.rows_along(estimator.states)
+            parts = [*motion, loads] if loads.any(axis=1).all() else motion
             rows = [compressed_rows(part, part != 0) for part in parts]
-            of_core = estimator.engine.core.Along(rows, len(loads), len(names))
+            of_core = estimator.engine.core.Along(rows, *loads.shape)
             self._rows[id(estimator)] = estimator, of_core
         return self._rows[id(estimator)][1]
 

@@ -20,10 +20,10 @@ from ambkit.base.quantity_arguments import of_type
 from ambkit.base.units import engineering
 from ambkit.control.controller_states import OwnController
 from ambkit.control.controllers import Controllers
-from ambkit.control.held_loop import shown_along_axes
 from ambkit.control.pid import PID
 from ambkit.data.record import Record
 from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.machine_model import View
 from ambkit.estimate.registry import default_filter
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, core_module
@@ -176,7 +176,7 @@ class Loop:
         self._faults = external_inputs.faults
         self._y_injected = self._injected
         if not self._straight:
-            self._y_injected = self._injected @ np.linalg.pinv(shown_along_axes(machine)).T
+            self._y_injected = self._injected @ np.linalg.pinv(View(machine).shown).T
         # For sensors without quantisation or position-dependent noise, the noise is additive.
         sensors = [reading.sensor for reading in machine.readings]
         adds = [at.quantisation is None and not at.position_noise for at in sensors]

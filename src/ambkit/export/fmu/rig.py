@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.control.controller_states import lies_at
+from ambkit.estimate.machine_model import View
 from ambkit.export.c import c_literals
 from ambkit.export.c.c_literals import Name
 from ambkit.export.c.model import BUILT_IN, CModel, sparse
@@ -113,9 +114,8 @@ class RigStart(NamedTuple):
         else:
             q = plant.resting() * (scenario.start == "landed")
             place = plant.H @ q
-        by, rigid = np.zeros(plant.H.T.shape), len(machine.rigid_coordinates)
-        by[:rigid] = np.linalg.pinv(plant.H[:, :rigid])
-        return cls(place, q, by, scenario.substeps, max(map(abs, speeds)))
+        by_place = View(machine).placed
+        return cls(place, q, by_place, scenario.substeps, max(map(abs, speeds)))
 
 
 class _PlantFields(NamedTuple):

@@ -189,13 +189,11 @@ def _starts(filter: Estimator) -> dict[str, Array]:
     def at(q: Array, currents: Array) -> Array:
         return view.equilibrium_state(states, filter.levitation_current, q, None, currents).ravel()
 
-    middle, pseudo_inverse = np.zeros(view.H.shape[1]), np.linalg.pinv(view.H[:, : view.rigid])
-    moved = np.zeros((len(middle), len(nothing)))
-    moved[: view.rigid] = pseudo_inverse
+    middle = np.zeros(view.H.shape[1])
     levitation = Plant(filter.machine).equilibrium(nothing, nothing)[0]
     results = {
         "rest": at(levitation, nothing),
-        "by_place": np.column_stack([at(q, nothing) for q in moved.T]).ravel(),
+        "by_place": np.column_stack([at(q, nothing) for q in view.placed.T]).ravel(),
         "by_current": np.column_stack([at(middle, column) for column in values]).ravel(),
     }
     if view.single:

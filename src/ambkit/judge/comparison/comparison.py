@@ -18,7 +18,7 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.machine_model import View
 from ambkit.judge.comparison.bound import bearing_bound
 from ambkit.judge.comparison.cases import Case, Trial, in_the_loop, trials
-from ambkit.judge.comparison.criteria import OF_THE_LOOP, SETTLING, evaluate_run, rows_along
+from ambkit.judge.comparison.criteria import OF_THE_LOOP, SETTLING, evaluate_run
 from ambkit.judge.comparison.score import Comparison, Score, half_width, mean
 from ambkit.judge.comparison.tuning import SIGNALS, Candidate, Tuning, errors, tune
 from ambkit.machine.axes import slowest_time
@@ -131,11 +131,10 @@ def _cost(estimator: Any, trial: Trial) -> float:
 def raw_error(machine: Machine, records: Sequence[Record], first: int) -> float:
     """Return the rms error of the raw sensors along the axes from a sample on [m]."""
     view, errors = View(machine), []
-    transform = view.H @ view.displayed
     for record in records:
         y = np.array([record[signal("y", r.name)] for r in view.machine.readings])
         x = np.array([record[displacement(axis.name)] for axis in view.machine.axes])
-        errors.append(np.sqrt(np.mean((transform @ y - x)[:, first:] ** 2)))
+        errors.append(np.sqrt(np.mean((view.shown @ y - x)[:, first:] ** 2)))
     return float(np.mean(errors))
 
 
@@ -145,7 +144,7 @@ def _limit(machine: Machine, case: Case, valid: Sequence[Trial], first: int) -> 
     model, view = KalmanFilter(machine), View(machine)
     variances = model.variances._replace(disturbance=case.process_noise(machine))
     records = [trial.record for trial in valid[:BOUND_RUNS]]
-    rows = np.concatenate(rows_along(model.states, view))
+    rows = np.concatenate(view.rows_along(model.states))
     names = [name for name in SIGNALS for _ in view.isolated]
     if view.single:
         names, rows = [*names, "x_m"], np.eye(len(model.states))[: len(names) + 1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -20,7 +20,6 @@ from ambkit.judge.comparison.conditions import Load
 from ambkit.machine.axes import models_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import evaluate_force, magnet_of
-from ambkit.models.model import Descriptor
 
 SETTLING = 2.0
 """Initial time excluded from the evaluation, in time constants of the plant."""
@@ -122,7 +121,7 @@ def errors_along(estimate: Estimate, record: Record, view: View) -> dict[str, Ar
     """Return the errors of x, v and f_d along the axes (p, n); NaN for what is not estimated."""
     unknown = np.zeros(len(record))
     results = {}
-    for name, rows in zip(EVALUATED, rows_along(estimate.states, view), strict=True):
+    for name, rows in zip(EVALUATED, view.rows_along(estimate.states), strict=True):
         known = np.any(rows != 0, axis=0)  # states that are NaN do not affect other rows
         wrong = np.zeros((len(rows), len(record)))
         for k in np.flatnonzero(known):
@@ -130,16 +129,6 @@ def errors_along(estimate: Estimate, record: Record, view: View) -> dict[str, Ar
             wrong += rows[:, [k]] * (estimate.mean[:, k] - (unknown if truth is None else truth))
         results[name] = np.where(np.any(rows != 0, axis=1, keepdims=True), wrong, np.nan)
     return results
-
-
-def rows_along(states: Sequence[Descriptor], view: View) -> tuple[Array, Array, Array]:
-    """Return displacements, velocities and disturbances along the axes, by the states (p, n)."""
-    names = [state.name for state in states]
-    loads = np.zeros((len(view.isolated), len(names)))
-    for k, axis in enumerate(view.machine.axes):
-        if signal("f_d", axis.name) in names:
-            loads[k, names.index(signal("f_d", axis.name))] = 1.0
-    return (*view.along_axes(states), loads)
 
 
 def _force_errors(estimator: Any, estimate: Estimate, record: Record, view: View) -> Array:
@@ -177,7 +166,7 @@ def normalised_errors(estimate: Estimate, record: Record, view: View) -> Array:
     # NEES with it would depend on the last digits of the discretisation.
     if estimate.covariance is None:
         return np.full(len(record), np.nan)
-    W = np.concatenate(rows_along(estimate.states, view))
+    W = np.concatenate(view.rows_along(estimate.states))
     n = W.shape[1]
     rows, columns = np.triu_indices(n)
     upper = np.asarray(estimate.covariance, dtype=float)
