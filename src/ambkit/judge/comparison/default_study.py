@@ -75,8 +75,8 @@ class DefaultScore:
             )
         if share - margin > high:
             yield (
-                f"the covariance of the default filter {kind} is too large: {stated}. Measured "
-                "noise, unbalance and runout in the machine file make it smaller"
+                f"the covariance of the default filter {kind} is too large: {stated}. Take its "
+                "standard deviations as upper limits"
             )
         raw, naive = self.errors[kind] / self.raw, self.tuned[kind] / self.naive
         if not raw <= WORSE:
