@@ -67,7 +67,7 @@ class ConstantVelocity(KalmanFilter):
 
     name = "constant-velocity Kalman filter"
     has_noise_estimate = False
-    by_model = False
+    by_model = estimates_force = False
     predicts = "constant velocity, and white acceleration"
 
     def __init__(

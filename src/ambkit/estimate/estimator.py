@@ -87,6 +87,7 @@ class Estimator(AlongRecords, Described, Copyable):
     side_by_side = True  # whether parallel runs can share it
     several_axes = True  # whether it supports several axes
     by_model = True  # whether it predicts by the machine's model
+    estimates_force = True  # whether it can estimate the disturbance force
     predicts = "force held, all else exact"  # description of its prediction for the export's README
     scale_std = 0.0  # assumed standard deviation of the magnet constant [1]
     can_smooth = False  # whether mean and covariance follow the smoother's model

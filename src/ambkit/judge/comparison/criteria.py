@@ -113,6 +113,8 @@ def evaluate_run(
         ]
         known = [item for item in late if np.isfinite(item)]
         figures["delay"] = float(np.mean(known)) if known else np.nan
+        if not estimator.estimates_force:
+            figures |= dict.fromkeys(("f_d", "force", "delay"), np.nan)
     figures["lost"] = float(lost)
     return figures
 
