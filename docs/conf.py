@@ -48,7 +48,7 @@ myst_heading_anchors = 3
 
 nb_execution_mode = "force"  # a stored output would hide that a snippet no longer runs
 nb_execution_raise_on_error = True
-nb_execution_timeout = 120
+nb_execution_timeout = 600  # a snippet that hangs; other processes may have the processors
 nb_execution_in_temp = True  # what a snippet writes does not land between the sources
 nb_merge_streams = True
 nb_ipywidgets_js = {}  # no page fetches anything from elsewhere

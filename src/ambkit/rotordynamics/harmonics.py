@@ -70,11 +70,11 @@ class Harmonic:
         (cc, cs), (_, ss) = self.covariance
         both = math.sqrt(cc * ss)
         why = (
-            "the start carries more information than the record"
+            "the machine file carries more information than the record"
             if self.by_start
             else "it is not significant"
         )
-        note = f"{self.name}: {why}, correlation {cs / both if both > 0 else 0.0:.2f}"
+        note = f"{self.name}: {why}; correlation {cs / both if both > 0 else 0.0:z.2f} with sine"
         results = [
             Row("role", "role", self.role),
             Row("order", "order", self.order, detail=True),
