@@ -67,7 +67,7 @@ def test_the_commands_say_so(call, tmp_path):
         data = next(iter(data.get("estimators", {"linear": data}).values()))
         assert data["synchronous"]["U1"]["start_dominates"]
         assert "amplitude" not in data["synchronous"]["U1"]
-        assert "the start carries more" in " ".join(call(*words, *run, *both).out.split())
+        assert "the machine file carries more" in " ".join(call(*words, *run, *both).out.split())
 
 
 def test_without_such_states_there_is_nothing_to_say():
