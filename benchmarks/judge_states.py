@@ -327,7 +327,7 @@ def _raw(estimator: Estimator, record: Record, truth: Array, start: int) -> Arra
     """Return the errors of the displacements that explain the readings best."""
     view = estimator.view
     y = np.column_stack([record[signal("y", r.name)] for r in view.machine.readings])
-    raw_position = (y @ view.shown.T)[start:]
+    raw_position = (y @ view.measured.T)[start:]
     result = np.full(truth.shape[1], np.nan)
     p = len(view.isolated)
     result[:p] = np.sqrt(np.mean((raw_position - truth[:, :p]) ** 2, axis=0))

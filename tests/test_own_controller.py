@@ -54,7 +54,7 @@ class OfAxes:
 
     def __init__(self, machine: Machine) -> None:
         self.T, self.last = machine.sampling_time, None
-        self.along = View(machine).shown
+        self.along = View(machine).measured
 
     def step(self, y: Any, r: Any, estimate: Any) -> Any:
         assert estimate is None
@@ -97,7 +97,7 @@ def test_a_controller_of_several_axes_sees_all_readings() -> None:
     run = ambkit.simulate(MACHINE, Scenario(duration=0.05, controller=control, noise=False), "none")
     assert run.estimate is None
     y = np.column_stack([run.record[f"y_{reading.name}"] for reading in MACHINE.readings])
-    x = y @ View(MACHINE).shown.T
+    x = y @ View(MACHINE).measured.T
     r, u = (np.column_stack([run.record[f"{of}_{a}"] for a in run.axes]) for of in "ru")
     gain = [axis.bearing.amplifier.gain for axis in MACHINE.axes]
     expected = 20e3 * (r[5] - x[5]) - 30.0 * (x[5] - x[4]) / MACHINE.sampling_time

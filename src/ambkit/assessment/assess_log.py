@@ -191,7 +191,7 @@ def of_one_axis(record: Record, machine: Machine) -> tuple[int, Record]:
         raise RecordError(f"the record has no {', '.join(lacking)}, which {machine.name} gives")
     axis, view = names.index(injected_axes[0]), View(machine)
     y = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
-    position = y @ view.shown[axis]
+    position = y @ view.measured[axis]
     return axis, Record(
         record.t, {"y": position, "injected": record[signal("injected", injected_axes[0])]}
     )

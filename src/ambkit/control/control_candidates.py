@@ -194,7 +194,7 @@ class _AtSpeed:
     def __init__(self, machine: Machine, point: OperatingPoint, speed: float) -> None:
         self.machine, self.point = machine.model_copy(update={"speed": speed}), point
         self.system = plant(self.machine, point)
-        self.shown = View(machine).shown
+        self.shown = View(machine).measured
         self.added = np.asarray(np.linalg.pinv(self.shown))
 
     @cached_property

@@ -194,7 +194,7 @@ def behind(gains: Sequence[float]) -> list[Sequence[float]]:
 def _decentralised(plant: Plant, pids: Sequence[PID], estimator: Estimator | None) -> Controllers:
     limits = [(isolated.current_min, isolated.current_max) for isolated in plant.isolated]
     names, one = tuple(axis.name for axis in plant.machine.axes), np.eye(len(pids))
-    transform = View(plant.machine).shown
+    transform = View(plant.machine).measured
     feedback = _fed_forward(plant, pids, estimator)
     own = {k: _seen(plant, estimator, k, pid.sees) for k, pid in enumerate(pids) if pid.sees}
     for k, (by_reading, _) in own.items():
@@ -290,7 +290,7 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
         gains.append(gains_of(pid, plant.machine.sampling_time, -room, room))
         of_axes.append(lever * explained[at])
         spread.append(amperes)
-    transform = np.array(of_axes) @ View(plant.machine).shown
+    transform = np.array(of_axes) @ View(plant.machine).measured
     return Controllers(
         gains, tuple(masses), np.array(of_axes), np.array(spread).T,
         np.array([integral_lead(pid, 1.0) for pid in pids]), transform,
@@ -317,7 +317,7 @@ def _regulated(plant: Plant, estimator: Estimator, by_speed: bool) -> Controller
     return Controllers(
         # The references act through the integrals only.
         passed, tuple(axis.name for axis in plant.machine.axes), np.eye(p), ahead, -np.ones(p),
-        View(plant.machine).shown,
+        View(plant.machine).measured,
         feedback | {"position": nothing, "velocity": nothing},
     )  # fmt: skip
 

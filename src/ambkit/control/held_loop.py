@@ -51,7 +51,7 @@ class Sensitivities:
         f = _frequencies(machine, P)
         self.T, self.z = machine.sampling_time, np.exp(2j * np.pi * f * machine.sampling_time)
         self.volts = np.array([1 / b.amplifier.gain for b in isolated_axes(machine)])
-        self.shown = View(machine).shown
+        self.shown = View(machine).measured
         self.added = np.linalg.pinv(self.shown)
         self.plant = P.response(f)[:, :m, :p]
         self.seen = self.shown @ self.plant
@@ -168,7 +168,7 @@ class HeldLoop:
         self.axes = [axis.name for axis in machine.axes]
         p, m = len(machine.axes), len(machine.readings)
         self.measured = feedback == "measurement"
-        position = View(machine).shown @ system.C[:m]
+        position = View(machine).measured @ system.C[:m]
         seen: Any = [position]
         if not self.measured:
             at = {state.name: k for k, state in enumerate(system.states)}

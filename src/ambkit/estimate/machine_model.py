@@ -84,7 +84,7 @@ class View:
         return geometry.rigid_motion(self.gains[:, None] * self.C, self.rigid)
 
     @property
-    def shown(self) -> Array:
+    def measured(self) -> Array:
         """Displacements along the axes (p, m) of that rigid rotor, by the readings."""
         return np.asarray(self.H[:, : self.rigid] @ self.displayed[: self.rigid])
 

@@ -176,7 +176,7 @@ class Loop:
         self._faults = external_inputs.faults
         self._y_injected = self._injected
         if not self._straight:
-            self._y_injected = self._injected @ np.linalg.pinv(View(machine).shown).T
+            self._y_injected = self._injected @ np.linalg.pinv(View(machine).measured).T
         # For sensors without quantisation or position-dependent noise, the noise is additive.
         sensors = [reading.sensor for reading in machine.readings]
         adds = [at.quantisation is None and not at.position_noise for at in sensors]

@@ -166,7 +166,7 @@ def judged(path: Path, seed: int) -> dict[str, Any]:
     field = {file.kind: Candidate(file.kind, file.kind, file.make)}
     result = bench(plant, replace(CASES["model"], walks=walks), field, runs=RUNS, seed=seed)
     load, errors = _under_a_load(plant, file, seed)
-    raw_variance = view.shown**2 @ several(usual.measurement)
+    raw_variance = view.measured**2 @ several(usual.measurement)
     return {
         "errors": errors,
         "wandering": result.default[file.kind].mean("x"),

@@ -122,7 +122,7 @@ def plant(of: Machine, point: OperatingPoint, *, continuous: bool = False) -> Li
     B, C, isolated = system.B.copy(), system.C, isolated_axes(of)
     B[:, : len(isolated)] *= [b.amplifier.gain for b in isolated]
     view, m = View(of), len(of.readings)
-    seen = np.linalg.pinv(view.shown) @ np.atleast_1d(point.x) / view.gains
+    seen = np.linalg.pinv(view.measured) @ np.atleast_1d(point.x) / view.gains
     stands = {state.name: k for k, state in enumerate(system.states)}
     along = np.zeros((len(isolated), len(stands)))
     for k, axis in enumerate(of.axes):

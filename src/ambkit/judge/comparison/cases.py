@@ -69,17 +69,14 @@ class Case:
     name: str  #: Name.
     title: str  #: Short description.
     about: str  #: Purpose, in a sentence.
-    #: ``scenario(machine, disturbance)``, the disturbance over the weight.
-    scenario: Callable[[Machine, float], Scenario]
+    scenario: Callable[[Machine, float], Scenario]  #: By machine and load over its weight.
     spread: Spread = CERTAIN  #: Tolerances of the plant.
-    #: Factor on the plant's magnet constant, unknown to the estimators.
-    magnet_constant: float = 1.0
+    magnet_constant: float = 1.0  #: Factor on the plant's, unknown to the estimators.
     drift: float = 0.0  #: Relative drift of that constant until the end of the run.
     #: Whether the plant's iron saturates more than described; only learned maps include it.
     saturates: bool = False
     correlation: float = 0.0  #: Correlation time of the sensor noise in samples; 0: white.
-    #: Intensity of the disturbance's random walk, as a factor on the filters' assumption; 0: none.
-    walks: float = 0.0
+    walks: float = 0.0  #: Intensity of the random walk, over the filters' assumption; 0: none.
     #: Which of unbalance and runout the filters estimate; a random walk goes without the others.
     synchronous: tuple[str, ...] = ()
     #: Measured or computed force map of the plant, which only learned maps include. Without it, the

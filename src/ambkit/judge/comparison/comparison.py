@@ -134,7 +134,7 @@ def raw_error(machine: Machine, records: Sequence[Record], first: int) -> float:
     for record in records:
         y = np.array([record[signal("y", r.name)] for r in view.machine.readings])
         x = np.array([record[displacement(axis.name)] for axis in view.machine.axes])
-        errors.append(np.sqrt(np.mean((view.shown @ y - x)[:, first:] ** 2)))
+        errors.append(np.sqrt(np.mean((view.measured @ y - x)[:, first:] ** 2)))
     return float(np.mean(errors))
 
 

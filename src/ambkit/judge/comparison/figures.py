@@ -204,7 +204,7 @@ def run_figure(study: Any) -> Figure:
         caption="Above: position. Below: disturbance force, which no sensor measures.",
         panels=[
             Panel(time, Axis(f"displacement $x${of}", "mm", 1e3), [
-                Line(record.t, view.shown[0] @ readings, signal="measured"),
+                Line(record.t, view.measured[0] @ readings, signal="measured"),
                 Line(record.t, record[name_of("r", axis)], signal="reference"),
                 Line(record.t, record[displacement(axis)], signal="truth"),
             ]),

@@ -108,7 +108,7 @@ class Flight:
     @property
     def at(self) -> int:
         """Axis with the largest share in the reading: other faults act there."""
-        return int(np.argmax(np.abs(self.view.shown)[:, self.reading]))
+        return int(np.argmax(np.abs(self.view.measured)[:, self.reading]))
 
     @property
     def axis(self) -> Machine:

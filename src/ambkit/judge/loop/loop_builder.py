@@ -95,7 +95,7 @@ class LoopBuilder:
         self._law = law
         self.axes = tuple(axis.name or "x" for axis in self.machine.axes)
         self.point = point or OperatingPoint.of_machine(self.machine, load, x)
-        self.shown = View(self.machine).shown
+        self.shown = View(self.machine).measured
         self.added = np.asarray(np.linalg.pinv(self.shown), float)
         self.plant = plant(self.machine, self.point)
         self.top = max_frequency(self.machine.sampling_time, self.machine.speed)
