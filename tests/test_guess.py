@@ -11,6 +11,7 @@ from scipy.signal import lfilter
 import ambkit
 from ambkit.base.errors import RecordError
 from ambkit.data.channel_map import ChannelMap
+from ambkit.data.files.tables import read_log
 from ambkit.data.reading.candidates import Candidate
 from ambkit.data.reading.comparison import feeds
 from ambkit.data.reading.derived_channels import (
@@ -373,6 +374,7 @@ def test_the_fields_names_are_known(tmp_path, headers):
     "LabVIEW Measurement\nSeparator,Comma\nMulti_Headings,No\n\nX_Value,Weg,Strom,Comment",
     "LabVIEW Measurement\nSamples 2048 2048\nX_Dimension Time Time\n\nX_Value,Weg,Strom,Comment",
     "Model,MSO24\nLabel,,\nx-axis,1,2\nsecond,Volt,Volt",
+    "Time,GVL.stWeg.fX,GVL.stStrom.fX\ns,um,1",
     "Time,Pos,Cur\nhh:mm:ss,um,A",
 ])  # fmt: skip
 def test_instruments_heads_are_read(tmp_path, head):
@@ -381,9 +383,20 @@ def test_instruments_heads_are_read(tmp_path, head):
     np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header=head)
     with (tmp_path / "log.csv").open("a") as file:
         file.write("# stopped by the user\n\n# 3000 samples, 0 lost\n")
-    is_above_units = head.endswith(("Volt", "um,A"))
+    is_above_units = head.endswith(("Volt", "um,A", "um,1"))
     first, y, u = head.split("\n")[-1 - is_above_units].split(",")[:3]
     assert names_of(guess(tmp_path / "log.csv")) == {"t": first, "y": y, "u": u}
+
+
+def test_names_above_channels_with_times_of_their_own_are_read(tmp_path):
+    head = "Name\tScope\n\n" + "".join(
+        f"{key}\t{x}\t{key}\t{u}\n"
+        for key, x, u in (("Name", "fWeg", "fStrom"), ("Port", 851, 851), ("Offset", 0, 0))
+    )
+    rows = "".join(f"{0.1 * k:g}\t{k % 7}\t{0.1 * k:g}\t{-(k % 5)}\n" for k in range(50))
+    (tmp_path / "log.csv").write_text(head + rows)
+    log = read_log(tmp_path / "log.csv")
+    assert (log.order, log.units["Time#0"]) == (("Time#0", "fWeg", "Time#2", "fStrom"), "ms")
 
 
 @pytest.mark.parametrize(("head", "marks", "size", "line"), [
@@ -404,6 +417,22 @@ def test_ambiguity_is_said(tmp_path, head, marks, size, line):
     np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header=head)
     said = [text for text in guess(tmp_path / "log.csv").splitlines() if text.startswith("# ?")]
     assert any(line in text for text in said) if line else not said
+
+
+def test_of_two_nameless_channels_the_one_that_carries_noise_is_the_control(tmp_path):
+    y = np.random.default_rng(5).normal(size=4000)
+    rows = np.column_stack([1e-4 * np.arange(y.size), -lfilter([3.0, -2.0], [1], y), y])
+    np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header="Time,CH1,CH2")
+    text = guess(tmp_path / "log.csv")
+    assert names_of(text) == {"t": "Time", "y": "CH2", "u": "CH1"}
+    assert "# ? y: CH2 or CH1: no name says so" in text
+
+
+def test_a_step_in_the_first_tenth_is_the_reference(tmp_path):
+    machine = ambkit.preset("zittau_axial")
+    scenario = ambkit.scenario_for(machine, step="50 µm", duration="0.3 s")
+    ambkit.simulate(machine, scenario).record.save(tmp_path / "log.csv")
+    assert names_of(guess(tmp_path / "log.csv"))["r"] == "r"
 
 
 @pytest.mark.parametrize(("head", "flip", "turns"), [

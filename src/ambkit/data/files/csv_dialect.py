@@ -211,12 +211,18 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
         return not any(row) or any(_is_number(row[k], decimal) for k in numeric)
 
     first = next(k for k, (_, row) in enumerate(rows) if holds_numbers(row))
+    if names := _named_by_pairs([row for _, row in rows[:first]]):
+        units = ("ms", None) * (width // 2)
+        place = rows[first][0]
+        return Dialect(
+            separator, decimal, names, units, place - 1, place, places, passed_over=place
+        )
     titles = [
         k
         for k, (_, row) in enumerate(rows[:first])
         # LabVIEW has a column "Comment" without cells.
         if (len(row) == width or (k == first - 1 and len(row) == width + 1 > 2))
-        and not any(_is_number(cell, decimal) or layouts(cell) for cell in row)
+        and not any(_is_number(cell, decimal) or layouts(cell) for cell in _dimensional(row))
     ]
     if not titles:
         unnamed = (None,) * width
@@ -240,6 +246,14 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
     return Dialect(separator, decimal, names, units, place, body, places, closed, stamps, header)
 
 
+def _named_by_pairs(rows: Sequence[list[str]]) -> tuple[str, ...]:
+    """Return the names of channels with a time each, as TwinCAT's oscilloscope exports them."""
+    # Above the numbers are lines such as Name, x, Name, y; times are in milliseconds.
+    pairs = [row for row in rows if len(row) > 2 and len(row) % 2 == 0 and len({*row[::2]}) == 1]
+    names = next((row[1::2] for row in pairs if row[0] == "Name"), []) if len(pairs) > 2 else []
+    return tuple(cell for name in names for cell in ("Time", name))
+
+
 def label(text: str) -> tuple[str, str | None]:
     """Split ``"y [mm]"`` into the name and the unit, None without one."""
     text = one_line(text)
@@ -258,6 +272,12 @@ def _are_units(row: Sequence[str]) -> bool:
             si_unit(re.sub(r"^[\d., ]+(?=[^\W\d])", "", unit))  # 100 ns, of a fieldbus
             known += 1
     return 2 * known > len(bare)
+
+
+def _dimensional(row: list[str]) -> list[str]:
+    """Return a row without the 1 of dimensionless quantities, if most of it are units."""
+    rest = [cell for cell in row if cell != "1"]
+    return rest if 2 * len(rest) > len(row) and _are_units(rest) else row
 
 
 def _bare(cell: str) -> str | None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+import numpy as np
+
 from ambkit.data.reading.candidates import Candidate
 from ambkit.data.reading.channel_statistics import COMPARED
 from ambkit.data.reading.comparison import (
@@ -16,8 +18,9 @@ from ambkit.data.reading.comparison import (
     is_control,
     leads,
 )
-from ambkit.data.reading.position_search import Rotor
+from ambkit.data.reading.position_search import Rotor, in_steps
 
+SWAPPED = 3.0  #: Ratio by which what is named a control has more of what is slow.
 BARELY = 2.0  #: Ratio by which the control of another axis has less of the position's noise.
 
 Ambiguity = tuple[str, tuple[Candidate, ...], str]  #: Role, channels that may have it, and why.
@@ -32,7 +35,7 @@ def ambiguities(
     y, u, current = (chosen.get(role) for role in ("y", "u", "current"))
     if y is None:
         rivals = [c for c in channels if c is not u and c.role in ("u", "i", "y")]
-        if u is not None and rivals:
+        if u is not None:
             yield "u", (u, *rivals[:2]), "no channel is a position that confirms it"
         return
     if y.estimated:
@@ -52,8 +55,10 @@ def ambiguities(
     yield from (("u", (u, c), why) for c, why in _controls(u, y, rest))
     if moves is None and not feeds(y, u):
         swapped = "by its noise the second is the position, the first its control"
-        why = swapped if feeds(u, y) else "the motion confirms neither"
-        yield "y and u", (y, u), f"named so, but {why}"
+        is_swapped = feeds(u, y, SWAPPED)
+        if is_swapped or answers(y, u) < PASSED:
+            why = swapped if is_swapped else "the motion confirms neither"
+            yield "y and u", (y, u), f"named so, but {why}"
     if current is not None and (leads(current, u) or not goes_with(current, u)):
         what = "leads" if leads(current, u) else "goes its own way"
         yield "u and current", (u, current), f"{current.label} {what}"
@@ -62,8 +67,8 @@ def ambiguities(
 def _readings(y: Candidate, alike: Sequence[Candidate]) -> Iterator[tuple[Candidate, str]]:
     """Yield what else may be the reading of the position."""
     for c in alike:
-        beside = Beside(c, y)
-        if not beside.is_near or beside.is_few or c.role not in ("", "y", "r"):
+        beside, is_copy = Beside(c, y), np.array_equal(c.values, y.values, equal_nan=True)
+        if is_copy or not beside.is_near or beside.is_few or c.role not in ("", "y", "r"):
             continue
         if beside.noise > RAWER:
             yield c, "it has the same motion, with as much noise"
@@ -75,9 +80,11 @@ def _controls(
     u: Candidate, y: Candidate, alike: Sequence[Candidate]
 ) -> Iterator[tuple[Candidate, str]]:
     """Yield what else may be the control of the position."""
-    own = answers(y, u)
+    own, is_read = answers(y, u), in_steps(u.values)  # by a converter: no estimate
     for c in alike:
-        is_like = (c.estimated and c.role in ("u", "i")) or (not c.unit and leads(u, c))
+        is_like = (c.estimated and c.role in ("u", "i") and not is_read) or (
+            not c.unit and leads(u, c)
+        )
         if is_like and not c.called and goes_with(c, u):
             yield c, "it goes with it: a command, a measured current or an estimate"
     rivals = [c for c in alike if c.called in ("u", "i") and c.unit == u.unit]

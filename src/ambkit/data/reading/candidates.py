@@ -120,7 +120,8 @@ _UNIT_AT_END = re.compile(
 _UNIT_IN_BRACKETS = re.compile(rf"(.*?) ?[\[(] ?({_UNITS}) ?[\])](.*)")
 _SEVERAL = re.compile(r"(\d+)(?:[.,p](\d+))? ?([^\W\d]\D*)")  #: Of a fieldbus: 100ns, 0.1um, 0p1um.
 _PEAKS = re.compile(r"[ _](?:p-?p|pk(?:-?pk)?|0-?p|peak|rms)$", re.I)  #: Of a vibration.
-_IN_WORDS = {"mps": "m/s", "amps": "A", "amp": "A", "amperes": "A", "volts": "V", "s": "s",
+_IN_WORDS = {"mps": "m/s", "amps": "A", "amp": "A", "amperes": "A", "ampere": "A", "volts": "V",
+             "volt": "V", "s": "s",
              "millis": "ms", "micros": "us", "ma": "mA"}  # fmt: skip
 _OF_LETTERS = {"m": "yr", "s": "t", "A": "ui", "V": "u"}  #: Roles that have these units.
 _CYRILLIC = str.maketrans("мксАВ", "mµsAV")
@@ -130,6 +131,7 @@ _ALSO = {("u", "A"), ("u", "1"), ("y", "V"), ("r", "V"), ("k", "1")}
 """Demanded currents; sensors that were not scaled."""
 _HOLDERS = re.compile(r"values?|data|signals?|\d*|(?:out|in)\d*|yout|logsout|simout")
 """Parts of a name that say nothing, as of a structure that Simulink saves."""
+_AXIS = re.compile(r"[a-z]{0,2}[V-Z]\d*|[v-z]\d*")  #: Of a structure: stCurrent.fX1.
 
 
 def role_from_name(candidate: Candidate, *, planes: bool) -> None:
@@ -139,7 +141,7 @@ def role_from_name(candidate: Candidate, *, planes: bool) -> None:
     label = _own_part(_without_unit(candidate, planes))
     named = role_of(label)
     role, candidate.estimated = named.role, named.estimated
-    candidate.called = role
+    candidate.called = "i" if named.demands else role
     candidate.weak, candidate.drives = named.weak, named.drives
     measured = _known_unit(candidate)
     of_unit = _ROLES.get(measured, "")
@@ -221,5 +223,8 @@ def forget_unit(candidate: Candidate) -> None:
 def _own_part(label: str) -> str:
     """Return the last part of a full name that says something: ``pos`` of ``pos.values``."""
     parts = [re.sub(r"\[\d+\]$|\"", "", part) for part in re.split(r"/|\.(?! |$)", label)]
-    own_parts = [part for part in parts if not _HOLDERS.fullmatch(part.lower())]
-    return (own_parts or parts)[-1]
+    own_parts = [part for part in parts if not _HOLDERS.fullmatch(part.lower())] or parts
+    of_what = role_of("".join(own_parts[-2:-1]))
+    if _AXIS.fullmatch(own_parts[-1]) and of_what.role in ("i", "y", "v") and not of_what.weak:
+        return " ".join(own_parts[-2:])
+    return own_parts[-1]

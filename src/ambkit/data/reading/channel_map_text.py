@@ -15,10 +15,11 @@ from ambkit.data.reading.candidates import Candidate
 from ambkit.data.reading.channel_statistics import correlation, seen, slow
 from ambkit.data.reading.choice import ProposedMap, choose, from_others
 from ambkit.data.reading.clock import examine, stated_step
-from ambkit.data.reading.derived_channels import is_filtered, rough, standardised
+from ambkit.data.reading.derived_channels import is_filtered
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.first_machine import WeightScale, weight_scale
-from ambkit.data.reading.position_search import NO_NOISE, in_steps
+from ambkit.data.reading.plausibility import has_no_noise
+from ambkit.data.reading.position_search import in_steps
 from ambkit.data.reading.signal_roles import in_one_unit
 from ambkit.data.signals import si_unit
 
@@ -167,7 +168,7 @@ class _Map:
             f"{there.min():.4g} to {there.max():.4g}{in_unit}, "
             f"noise {noise(candidate.values):.2g}{in_unit}."
         )
-        if role == "y" and _has_no_noise(candidate):
+        if role == "y" and not in_steps(there) and has_no_noise(there):
             yield "# It has no noise: is it an estimate, or simulated? A filter needs the reading."
         elif role == "y" and is_filtered(interpolated(candidate.values)):
             yield (
@@ -280,14 +281,6 @@ class _Map:
             yield f"# {candidate.label}: {low:.4g} to {high:.4g}{unit}{why}"
 
 
-def _has_no_noise(candidate: Candidate) -> bool:
-    """Whether a channel is too smooth for what a sensor showed."""
-    values = interpolated(seen(candidate.values))
-    if values.size < 100 or np.ptp(values) == 0 or in_steps(values):
-        return False
-    return rough(standardised(values[np.newaxis])[0]) < NO_NOISE
-
-
 def _own_time(
     candidate: Candidate, t: Candidate | None, everything: Sequence[Candidate]
 ) -> Candidate | None:
@@ -353,8 +346,10 @@ def _likely_unit(candidate: Candidate) -> str:
             return "m" if size < 0.05 else "mm" if size < 50 and hiss < 0.04 else "µm"
         case "v":
             return "m/s" if size < 5 else "mm/s"
-        case "i":
+        case "u" if candidate.called != "i":
+            ends = seen(candidate.values).min(), seen(candidate.values).max()
+            is_share = 0.0 in ends or 1.0 in ends or candidate.drives  # a duty saturates there
+            return "1" if ends[0] >= 0 and size <= 1.0 and is_share else "V"
+        case "i" | "u":
             return "A" if size < 100 else "mA"
-        case "u":
-            return "1" if size <= 1.0 and seen(candidate.values).min() >= 0 else "V"
     return "1"

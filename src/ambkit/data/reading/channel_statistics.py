@@ -24,17 +24,15 @@ def is_few(values: Array) -> bool:
 
 
 def slow(values: Array) -> Array:
-    """Return means of 20 samples each, which are hardly noise any more."""
-    return block_means(values, 20) if values.size >= 400 else values
+    """Return means of 20 samples each, of fewer in a short record, which are hardly noise."""
+    return block_means(values, 20 if values.size >= 400 else max(1, values.size // 60))
 
 
 def correlation(a: Array, b: Array) -> float:
     """Correlation without the first tenth, where a rig is often still starting; 0 if undefined."""
-    first = a.size // 10
-    a, b = a[first : first + LOOKED_AT], b[first : first + LOOKED_AT]
-    there = np.isfinite(a) & np.isfinite(b)
-    if np.count_nonzero(there) < 3:
-        return 0.0
-    a, b = a[there] - a[there].mean(), b[there] - b[there].mean()
-    scale = float(np.sqrt((a @ a) * (b @ b)))
-    return float(a @ b) / scale if scale > 0 else 0.0
+    for first in (a.size // 10, 0):  # the step of a reference may be in that tenth
+        rows = np.array([a[first : first + LOOKED_AT], b[first : first + LOOKED_AT]])
+        rows = rows[:, np.isfinite(rows).all(axis=0)]
+        if rows.shape[1] > 2 and np.ptp(rows, axis=1).all():
+            return float(np.corrcoef(rows)[0, 1])
+    return 0.0

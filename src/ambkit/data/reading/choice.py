@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from ambkit.data.reading.candidates import Candidate
 from ambkit.data.reading.channel_statistics import seen
+from ambkit.data.reading.clock import examine
 from ambkit.data.reading.comparison import rate_likeness
 from ambkit.data.reading.position_search import Rotor
 
@@ -41,7 +40,8 @@ def choose(results: list[Candidate], moves: Rotor | None) -> dict[str, Candidate
     for role in ("t", "y", "u", "i", "r", "k"):
         there = [c for c in results if c.role == role and not c.estimated]
         if role == "t":
-            there.sort(key=_jumps)
+            clocks = {id(c): examine("t", seen(c.values)) for c in there}
+            there.sort(key=lambda c: clocks[id(c)].jumps.size + clocks[id(c)].gaps.size)
         if there:
             chosen.setdefault(role, there[0])
     if "u" not in chosen and "i" in chosen:
@@ -59,13 +59,6 @@ def choose(results: list[Candidate], moves: Rotor | None) -> dict[str, Candidate
         chosen["y"] = chosen.pop("x_logged")
     order = ("t", "y", "u", "control", "r", "i", "x_logged", "v_logged", "k")
     return {_NAMES.get(role, role): chosen[role] for role in order if role in chosen}
-
-
-def _jumps(clock: Candidate) -> int:
-    """Return how many steps of a clock are no usual ones."""
-    steps = np.diff(seen(clock.values))
-    usual = float(np.median(steps)) if steps.size else 0.0
-    return int(np.sum(np.abs(steps - usual) > 0.5 * abs(usual)))
 
 
 def from_others(results: list[Candidate], others: Sequence[ProposedMap]) -> dict[str, Candidate]:

@@ -130,21 +130,21 @@ def is_control(u: Candidate, y: Candidate) -> bool:
     return amplifies(u, y) or (not goes_with(u, y) and answers(y, u, 1) < AT_ONCE * share)
 
 
-def feeds(y: Candidate, u: Candidate) -> bool:
+def feeds(y: Candidate, u: Candidate, ratio: float = LEADS) -> bool:
     """Whether a control is made of a position: by what is fast, or the sensor's white noise."""
     if answers(y, u) < PASSED:
         return False
     pair = [abs(colour(interpolated(c.values))) for c in (y, u)]
     if max(pair) < max(WHITE, CHANCE / y.values.size**0.5):  # what differs is chance
-        return amplifies(u, y)
+        return amplifies(u, y, ratio)
     whiter = [own < min(WHITE, other / 2) for own, other in (pair, pair[::-1])]
-    return whiter[0] or (amplifies(u, y) and not whiter[1])
+    return whiter[0] or (amplifies(u, y, ratio) and not whiter[1])
 
 
-def amplifies(u: Candidate, y: Candidate) -> bool:
+def amplifies(u: Candidate, y: Candidate, ratio: float = LEADS) -> bool:
     """Whether a channel has more of what is fast than a position, as a controller's output has."""
     relative = [c.noise / max(float(seen(c.slow).std()), 1e-300) for c in (u, y)]
-    return relative[0] > LEADS * relative[1]
+    return relative[0] > ratio * relative[1]
 
 
 def leads(a: Candidate, b: Candidate) -> bool:

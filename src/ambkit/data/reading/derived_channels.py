@@ -23,7 +23,8 @@ STEADY = 2.0  #: Ratio of the gains from an estimate to its original over all ba
 
 BANDS = ((0.85, 1.0), (0.5, 0.65))  #: Of the fastest frequency: a filter leaves less in the first.
 FALLS = 0.8  #: Ratio of the noise's power in these below which it was filtered; raw ones: 0.88 up.
-LEAST_SAMPLES = 2000  #: From which on the ratio is known to 10 %.
+LEAST_SAMPLES = 2000  #: From which on the ratio is known to 15 %.
+CHANCE = 21.0  #: Three of its standard deviations of white noise, times the root of the samples.
 COARSE = 0.3  #: Share of samples that repeat the one before, of a converter that is too coarse.
 
 
@@ -96,7 +97,7 @@ def is_filtered(values: Array) -> bool:
     at = np.linspace(0, 1, power.size)
     power[1:] /= np.sin(np.pi * at[1:] / 2) ** 4
     fast, slower = (power[(low < at) & (at < high)].mean() for low, high in BANDS)
-    return bool(fast < FALLS * slower)
+    return bool(fast < min(FALLS, np.exp(-CHANCE / bent.size**0.5)) * slower)
 
 
 def rough(values: Array) -> float:

@@ -21,14 +21,15 @@ class NamedRole(NamedTuple):
     weak: bool = False  #: Whether a single letter says it.
     drives: bool = False  #: Whether it drives a current: duty or voltage of a power stage.
     of_what: bool = True  #: Whether it names a quantity; ``actual`` or ``feedback`` does not.
+    demands: bool = False  #: Whether it is a demanded current.
 
 
 _QUANTITIES = {
     "t": r"time|\w*zeit\w*|czas|tijd|temps|tiempo|tempo|instant\w*|istante|timestamps?|seconds?|"
          r"secs?|elapsed|clock|millis|micros|\w*uhr|shijian|sj|jikan|时间|时刻|時間|時刻|врем\w*",
-    "-": r"err\w*|regelabweichung|regelfehler|\w*temp\w*|status|state|mode|flags?|n?rpm|"
+    "-": r"err\w*|[fp]e|regelabweichung|regelfehler|\w*temp\w*|status|state|mode|flags?|n?rpm|"
          r"\w*drehzahl|omega|idx|count\w*|sample\w*|tick|power|leistung|\w*kraft|force|"
-         r"druck|phase|phi|angle|winkel|beschl\w*|acc|accel\w*|fehler|fuerza|zhuansu|wendu|"
+         r"druck|torque|\w*moment|phase|phi|angle|winkel|beschl\w*|acc|accel\w*|fehler|fuerza|zhuansu|wendu|"
          r"wucha|pressure|enable\w*|humid\w*|ambient|ошибка|оборот\w*|темп\w*|скоростьвращения|сила|"
          r"转速|温度|误差|序号|回転数|誤差",
     "k": r"key_?ph\w*|kphi?|kph|\w*mark[ae]?|tach\w*|trigger|trig|\w*imp(?:uls)?|\w*pulses?|"
@@ -44,8 +45,8 @@ _QUANTITIES = {
              r"电压|占空比|電圧|デューティ",
     "u": r"stell\w*|output|control|ctrl|ctl|actuat\w*|\w*regler\w*|ansteuer\w*|reglage|mando|"
          r"salida|sortie|uscita|kongzhi(?:liang)?|управл\w*|控制|制御|操作量",
-    "y": r"pos|posn|\w*position|posi[cz]\w*|weg|\w*weg(?:sensor|aufnehmer)|dist\w*|disp\w*|gap|"
-         r"clearance|\w*spalt|airgap|entrefer|\w*abstand\w*|\w*lage(?:signal)?|regelgr\w*|"
+    "y": r"[afr]?pos|posn|\w*position|posi[cz]\w*|weg|\w*weg(?:sensor|aufnehmer)|dist\w*|disp\w*|"
+         r"gap|clearance|\w*spalt|airgap|entrefer|\w*abstand\w*|\w*lage(?:signal)?|regelgr\w*|"
          r"sens(?:e?or\w*)?|"
          r"messgr\w*|auslenk\w*|abweichung|exzent\w*|eccent\w*|excentr\w*|ecc|hall|heni|prob[ae]|prox\w*|"
          r"ybobina|dsb|eddy|sonde|height|\w*hoehe|\w*höhe|alt\w*|hauteur\w*|jeu|verplaats\w*|"
@@ -97,6 +98,7 @@ def role_of(label: str) -> NamedRole:
     spaced = re.sub(r"(?<=[a-zäöüß])(?=[A-ZÄÖÜ])", " ", spaced).lower()
     spaced = _UNSPACED.sub(r" \g<0> ", _COMPOUND.sub(r" \g<0> ", spaced.replace("_", " ")))
     spaced = re.sub(r"\bpower (?=amp|stage)", "", spaced)  # of an amplifier, and no power
+    spaced = re.sub(r"\brpos\b", "ref pos", spaced)
     tokens = [w for w in re.split(r"\W+", spaced) if w]
     words: list[str] = []
     for token in tokens:
@@ -143,7 +145,8 @@ def _role_of(words: list[str]) -> NamedRole:
     if demanded and quantity in ("y", "i", "u", "v", "", "r"):
         role = {"y": "r", "r": "r", "i": "u", "u": "u", "v": "-"}.get(quantity, "")
         doubtful = weak and role == "r" and has(_ORDER)  # a command of what?
-        return NamedRole(role or ("u" if has(_ORDER) else "r"), estimated, doubtful, drives)
+        role = role or ("u" if has(_ORDER) else "r")
+        return NamedRole(role, estimated, doubtful, drives, demands=quantity == "i")
     if not quantity and has(_ACTUAL):
         return NamedRole("y", estimated, of_what=False)
     return NamedRole(quantity, estimated, weak, drives)

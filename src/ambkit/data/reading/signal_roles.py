@@ -24,12 +24,14 @@ from ambkit.data.reading.candidates import (
 )  # fmt: skip
 from ambkit.data.reading.channel_statistics import COMPARED, correlation, is_few, seen, slow
 from ambkit.data.reading.comparison import (
+    AT_ONCE,
     FOLLOWS,
     GOES_WITH,
     PASSED,
     RAWER,
     Beside,
     answers,
+    feeds,
     goes_with,
     is_control,
     is_filter_of,
@@ -52,15 +54,13 @@ def find_roles(results: list[Candidate]) -> Rotor | None:
     """Give each candidate the role that its name, its unit or its motion speak for."""
     _read_names(results)
     _find_time(results)
-    results.sort(key=lambda c: (  # a unit says less than a name, and a bias current is constant
-        c.role == "y" != c.called or (c.role in ("u", "i") and np.ptp(seen(c.values)) == 0)
-    ))  # fmt: skip
+    results.sort(key=lambda c: c.role == "y" != c.called)  # a unit says less than a name
     _sort_positions(results)
     _check_names(results)
     _leave_other_axes(results)
     moves = find_rotor(results)
     _check_names(results)
-    _find_commands(results, ("i", ""))
+    _find_commands(results)
     _eliminate(results)
     _find_stage(results)
     _settle_references(results)
@@ -83,7 +83,10 @@ def _read_names(results: Sequence[Candidate]) -> None:
         if c.role == "k":
             c.why.append(marks(c, LARGEST) or "without marks of a turn")
             c.role = "k" if c.why[-1][0] == "t" else "-"
-        if not c.role and np.ptp(seen(c.values)) == 0:
+    steady = [c for c in results if np.ptp(seen(c.values)) == 0]
+    moves = any(c.role in ("u", "i") and c not in steady for c in results)
+    for c in steady:
+        if not c.role or (c.role in ("u", "i") and moves):  # a bias current
             c.why.append(f"is {c.values[0]:g} all the time")
             c.role = "-"
 
@@ -146,7 +149,7 @@ def _leave_other_axes(results: Sequence[Candidate]) -> None:
     if y is None:
         return
     axis = own_part(y, named(results, "y"))
-    for role in "ui":
+    for role in "uir":
         alike = [c for c in named(results, role) if c.values.shape == y.values.shape]
         if len(alike) < 2:
             continue
@@ -183,10 +186,9 @@ def _shared(names: Iterable[str]) -> int:
     )
 
 
-def _find_commands(results: Sequence[Candidate], roles: Sequence[str] = ("i",)) -> None:
+def _find_commands(results: Sequence[Candidate]) -> None:
     """Of two currents that go together take the one that leads for the demanded one."""
-    if named(results, "u"):
-        roles = [*roles, "u"]
+    roles = ("i", "", "u") if named(results, "u") else ("i", "")
     y = position_of(results)  # a "raw" channel may be no position
     currents = [
         c for c in results if not c.estimated and c is not y and (c.role or in_steps(c.values))
@@ -206,33 +208,34 @@ def _find_commands(results: Sequence[Candidate], roles: Sequence[str] = ("i",)) 
 
 
 def _eliminate(results: Sequence[Candidate]) -> None:
-    """Find the position or the control by what is left beside the other one."""
+    """Find the position, or the control, that has no name: the control carries its noise."""
     mover, y = next(iter(named(results, "ui")), None), position_of(results)
-    left = [c for c in results if not c.role and not c.estimated and not marks(c, SHORT)]
-    if mover is None and y is not None:
-        left += [c for c in named(results, "y") if c.weak and c is not y]  # x_drive
-        _take(y, left, "u")
-    elif mover is not None and y is None:
-        _take(mover, left, "y")
-
-
-def _take(known: Candidate, left: Sequence[Candidate], role: str) -> None:
-    """Give a role to the one of what is left that shares most of its noise with what is known."""
-    left = [c for c in left if c.values.shape == known.values.shape][:COMPARED]
-    pairs = [(known, c) if role == "u" else (c, known) for c in left]
-    shares = [answers(*pair) for pair in pairs]
-    if not left:
+    if mover is not None and y is not None:
         return
-    place = int(np.argmax(shares))
-    best = left[place]
-    # The opposite coil, an estimate, and the current that was measured, go with it.
-    apart = [s for c, s in zip(left, shares, strict=True) if not goes_with(c, best)]
-    called = role == "y" or (best.role != "y" and (best.weak or len(left) == 1))  # of what?
-    clear = shares[place] >= max(PASSED, OWN * max(apart, default=0.0))
-    if (clear and (called or is_control(best, known))) or (role == "y" and len(left) == 1):
-        best.role = role
-        best.why.append("by elimination only")
-        best.rivals += [(c, "by elimination only") for c in left if c is not best][:2]
+    left = [c for c in results if not c.role and not c.estimated and not marks(c, SHORT)]
+    volts = [c for c in named(results, "u") if c.drives]  # or of a sensor
+    of = [y] if y is not None else [*left, *volts]
+    # x_drive may be called a position.
+    made = [mover] if mover is not None and not mover.drives else [
+        *left, *volts, *(c for c in named(results, "y") if c.weak and c is not y)
+    ]  # fmt: skip
+    pairs = [(a, b) for a in of[:COMPARED] for b in made[:COMPARED] if a is not b]
+    pairs = [(a, b) for a, b in pairs if a.values.shape == b.values.shape]
+    least = PASSED if y is not None or mover is not None else AT_ONCE
+    loops = [
+        (a, b) for a, b in pairs
+        if answers(a, b) > least and is_control(b, a) and rate_likeness(a, b) < FOLLOWS
+        and feeds(a, b) and not feeds(b, a)
+    ]  # fmt: skip
+    several = len({id(c) for pair in loops for c in pair}) < 2 * len(loops)  # or estimates
+    if not loops or (several and y is None and mover is None):
+        return
+    a, b = max(loops, key=lambda pair: answers(*pair))
+    a.role, b.role = "y", "u" if b.role in ("", "y") else b.role
+    for c, known, why in ((a, y, f"{b.label} carries"), (b, mover, f"carries {a.label}'s")):
+        c.why += [] if c is known else [f"{why} its noise, as a control does"]
+    if a is not y and b is not mover:
+        a.rivals.append((b, "no name says so; the second carries the noise of the first"))
 
 
 def _find_stage(results: list[Candidate]) -> None:
@@ -290,7 +293,7 @@ def _beside(c: Candidate, y: Candidate) -> None:
     if (not is_position or c.why[-1] == BY_UNIT) and beside.is_reference:
         c.role = "r"
         c.why.append(f"follows, or leads, {y.label} without its noise")
-    elif beside.is_rate and not is_position:
+    elif beside.is_rate and not is_position and c.unit in ("", "V"):
         c.role, c.estimated = "v", True
         c.why.append(f"follows the rate of {y.label} (correlation {beside.rate:.2f})")
     elif not is_position and beside.is_near and beside.noise * RAWER < 1:
