@@ -46,7 +46,7 @@ from ambkit.simulation.many import Many, simulate_many
 from ambkit.simulation.plans import Planned
 from ambkit.simulation.run import samples, simulate
 from ambkit.simulation.scenario import Disturbance, Reference, Scenario
-from ambkit.simulation.waveforms import Constant, Recorded, Sequence, Signal, Sine, Step
+from ambkit.simulation.waveforms import Constant, Sequence, Signal, Sine, Step
 
 Force = Callable[[Array, Array], Array]
 
@@ -113,8 +113,7 @@ class Trial:
 
     plant: Machine  #: True machine.
     scenario: Scenario  #: Scenario with its seed.
-    #: Series of noise and disturbance; with several axes these are in the scenario.
-    external_inputs: ExternalInputs | None
+    external_inputs: ExternalInputs | None  #: Series of noise and disturbance.
     magnet: MagnetModel | None  #: Force map of the plant, if it has one.
     record: Record  #: Record of the loop closed by the nominal linear filter.
     _loads: dict[tuple[int, str], Load] = field(default_factory=dict, repr=False)
@@ -143,74 +142,61 @@ def trials(case: Case, machine: Machine, runs: int, seed: int) -> list[Trial]:
 
 
 def iterate_trials(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Trial]:
-    """Yield the records of a case."""
+    """Yield the records of a case, with independent disturbances of each axis."""
     if case.walks:  # the filters' model is exact
         machine = rotating(machine, case.synchronous)
-    if not machine.single:
-        yield from _flights(case, machine, runs, seed)
-        return
-    fixed = _magnet(case, machine, machine) if case.certain else None
-    known = KalmanFilter(machine)
-    for run, factors in enumerate(case.factors(runs, seed)):
-        plant = factors.plant(machine)
-        scenario = case.scenario(machine, LOAD * factors.load)
-        own = {"seed": 1000 * seed + run, "plant": case.plant}
-        scenario = scenario.model_copy(update=own)
-        external_inputs, walk = _beside(case, plant, scenario), None
-        if case.walks:  # acts as its mean over the sample
-            plant = turned(plant, scenario.seed)
-            variance = case.process_noise(machine) * plant.sampling_time
-            load, walk = random_walk(streams(scenario)[0], variance, samples(plant, scenario))
-            external_inputs = replace(external_inputs, disturbance=load)
-        magnet = fixed if case.certain else _magnet(case, plant, machine)
-        record = simulate(
-            plant, scenario, estimator=known, magnet=magnet, external_inputs=external_inputs
-        )
-        if walk is not None:  # the truth is the value at the samples, not the mean between them
-            record = replace(record, signals={**record.signals, "f_d": walk})
-        yield Trial(plant, scenario, external_inputs, magnet, record)
-
-
-def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Trial]:
-    """Yield the records of a machine, with independent disturbances of each axis."""
-    if case.saturates or case.magnet is not None:
+    if not machine.single and (case.saturates or case.magnet is not None):
         raise AmbkitError(
             f"case {case.name}: its plant has another magnet than the described one, which can be "
             f"simulated for a machine with one axis only; {machine.name} has {len(machine.axes)}"
         )
-    known, T = KalmanFilter(machine), machine.sampling_time
-    names = [axis.name for axis in machine.axes]
-    control = Control()
-    if not case.certain:  # the controllers are those of the described machine
-        pids = zip(names, holding(machine, "estimate").pids, strict=True)
-        control = Control(pid={name: PID(**gains._asdict()) for name, gains in pids})
+    fixed = _magnet(case, machine, machine) if case.certain else None
+    known, control = KalmanFilter(machine), _control(case, machine)
     for run, factors in enumerate(case.factors(runs, seed)):
         plant = machine if case.certain else factors.plant(machine)
-        parts = [case.scenario(axis, LOAD * factors.load) for axis in isolated_axes(machine)]
-        duration = max(of.duration for of in parts)
-        loads = {name: of.disturbance for name, of in zip(names, parts, strict=True)}
-        walks = dict[str, Array]()
-        if case.walks:
-            t = T * np.arange(max(2, round(duration / T) + 1))
-            rng = np.random.default_rng([1000 * seed + run, 3])
-            plant = turned(plant, 1000 * seed + run)
-            intensities = np.atleast_1d(case.process_noise(machine))
-            for name, intensity in zip(names, intensities, strict=True):
-                mean, walks[name] = random_walk(rng, intensity * T, len(t))
-                loads[name] = Recorded.of(t, mean)
-        scenario = Scenario.model_construct(
-            duration=duration, seed=1000 * seed + run, controller=control.fed_by("estimate"),
-            plant=case.plant,
-            reference=tuple(Reference.model_construct(axis=name, position=of.reference)
-                            for name, of in zip(names, parts, strict=True)),
-            disturbance=tuple(Disturbance.model_construct(axis=name, force=load)
-                              for name, load in loads.items()),
-        )  # fmt: skip
-        external_inputs = _beside(case, plant, scenario)
-        record = simulate(plant, scenario, estimator=known, external_inputs=external_inputs)
-        truth = {signal("f_d", name): walk for name, walk in walks.items()}
+        scenario = _flight(case, machine, LOAD * factors.load, 1000 * seed + run, control)
+        external_inputs, truth = _beside(case, plant, scenario), {}
+        if case.walks:  # acts as its mean over the sample; the truth is the value at the samples
+            plant, rng = turned(plant, scenario.seed), streams(scenario)[0]
+            variances = machine.sampling_time * np.atleast_1d(case.process_noise(machine))
+            drawn = [random_walk(rng, float(of), samples(plant, scenario)) for of in variances]
+            means, walks = zip(*drawn, strict=True)
+            external_inputs = replace(external_inputs, disturbance=np.column_stack(means))
+            names = (signal("f_d", axis.name) for axis in machine.axes)
+            truth = dict(zip(names, walks, strict=True))
+        magnet = fixed if case.certain else _magnet(case, plant, machine)
+        record = simulate(
+            plant, scenario, estimator=known, magnet=magnet, external_inputs=external_inputs
+        )
         record = replace(record, signals={**record.signals, **truth})
-        yield Trial(plant, scenario, external_inputs, None, record)
+        yield Trial(plant, scenario, external_inputs, magnet, record)
+
+
+def _control(case: Case, machine: Machine) -> Control | None:
+    """Return the controllers of several axes, those of the described machine."""
+    if machine.single:
+        return None
+    if case.certain:
+        return Control().fed_by("estimate")
+    pids = zip(machine.axes, holding(machine, "estimate").pids, strict=True)
+    control = Control(pid={axis.name: PID(**gains._asdict()) for axis, gains in pids})
+    return control.fed_by("estimate")
+
+
+def _flight(
+    case: Case, machine: Machine, load: float, seed: int, control: Control | None
+) -> Scenario:
+    """Return the scenario of all axes; without `control` that of the case controls the axis."""
+    parts = [case.scenario(axis, load) for axis in isolated_axes(machine)]
+    along = [(axis.name, of) for axis, of in zip(machine.axes, parts, strict=True)]
+    return Scenario.model_construct(
+        duration=max(of.duration for of in parts), seed=seed, plant=case.plant,
+        controller=control or parts[0].controller,
+        reference=tuple(Reference.model_construct(axis=name, position=of.reference)
+                        for name, of in along),
+        disturbance=tuple(Disturbance.model_construct(axis=name, force=of.disturbance)
+                          for name, of in along),
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=4)
