@@ -105,7 +105,7 @@ def axis_named(machine: Machine, axis: str | None) -> str:
     if axis is None and len(names) == 1:
         return names[0]
     if axis not in names:
-        hint = "name one of them" if axis is None else f"there is no axis {axis}"
+        hint = "name one of them as the axis" if axis is None else f"there is no axis {axis}"
         there = f"the axes {', '.join(names)}" if any(names) else "one axis"
         raise AmbkitError(f"{machine.name} has {there}: {hint}")
     return axis
