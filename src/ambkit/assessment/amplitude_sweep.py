@@ -212,7 +212,7 @@ class _NoiselessLoop:
 
     def disturb(self, x: float, load: Mapping[str, float]) -> None:
         """Hold the rotor at x along its axes [m] with constant disturbances [N]."""
-        names = [axis.name for axis in self.of.machine.axes]
+        names = self.of.machine.axis_names
         forces: dict[str, Constant | Sine] = {
             name: Constant(value=load.get(name, 0.0)) for name in names
         }
@@ -250,7 +250,7 @@ class _NoiselessLoop:
         of, single = self.of, self.machine.single
         t = self.T * np.arange(len(added))
         waveform = Recorded.of(t, added)
-        names = [axis.name for axis in of.machine.axes]
+        names = of.machine.axis_names
         there = Injection.model_construct(axis=names[self.axis], position=waveform)
         scenario = self.scenario.model_copy(
             update={"duration": float(t[-1]), "injection": (there,)}

@@ -176,7 +176,7 @@ def assess_log(record: Record, loop: LoopArguments | None, logged: Logged) -> As
 
 def of_one_axis(record: Record, machine: Machine) -> tuple[int, Record]:
     """Return the axis of the injection, and the record of that axis."""
-    names = [axis.name for axis in machine.axes]
+    names = machine.axis_names
     injected_axes = [name for name in names if signal("injected", name) in record]
     if len(injected_axes) != 1:
         there, has = (

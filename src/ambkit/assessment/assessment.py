@@ -213,7 +213,7 @@ class Assessment(Result):
     def series(self) -> dict[str, Any]:
         estimator = self.estimators.get(self.last)
         pids = {name: pid.model_dump(mode="json") for name, pid in self.controllers.items()}
-        names = [axis.name for axis in self.machine.axes]
+        names = self.machine.axis_names
         return {
             "basis": BASIS,
             "machine": self.machine.name,

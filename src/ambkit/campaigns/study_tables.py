@@ -26,7 +26,7 @@ def traces_of(plant: Any) -> tuple[str, ...]:
     """Return the signals of a machine's run."""
     if plant is None or plant.single:
         return TRACES
-    axes = [axis.name for axis in plant.axes]
+    axes = plant.axis_names
     results = [f"{of}_{name}" for of in ("s", "r", "u", "iu", "f_mag", "f_d") for name in axes]
     results += [signal("y", reading.name) for reading in plant.readings]
     return (*results, *(f"q_{name}" for name in plant.positions), "speed")

@@ -132,7 +132,7 @@ def pids_of(
     machine: Machine, control: Control, feedback: Literal["measurement", "estimate"]
 ) -> list[PID]:
     """Return the PID of each axis of decentralised control, with omitted settings tuned."""
-    names = [axis.name for axis in machine.axes]
+    names = machine.axis_names
     if control.custom:  # a class has none
         return [PID()] * len(names)
     own = _stated(control, names)
@@ -193,7 +193,7 @@ def behind(gains: Sequence[float]) -> list[Sequence[float]]:
 
 def _decentralised(plant: Plant, pids: Sequence[PID], estimator: Estimator | None) -> Controllers:
     limits = [(isolated.current_min, isolated.current_max) for isolated in plant.isolated]
-    names, one = tuple(axis.name for axis in plant.machine.axes), np.eye(len(pids))
+    names, one = tuple(plant.machine.axis_names), np.eye(len(pids))
     transform = View(plant.machine).measured
     feedback = _fed_forward(plant, pids, estimator)
     own = {k: _seen(plant, estimator, k, pid.sees) for k, pid in enumerate(pids) if pid.sees}
@@ -316,7 +316,7 @@ def _regulated(plant: Plant, estimator: Estimator, by_speed: bool) -> Controller
     nothing = np.zeros((p, len(estimator.states)))
     return Controllers(
         # The references act through the integrals only.
-        passed, tuple(axis.name for axis in plant.machine.axes), np.eye(p), ahead, -np.ones(p),
+        passed, tuple(plant.machine.axis_names), np.eye(p), ahead, -np.ones(p),
         View(plant.machine).measured,
         feedback | {"position": nothing, "velocity": nothing},
     )  # fmt: skip

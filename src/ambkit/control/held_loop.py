@@ -165,7 +165,7 @@ class HeldLoop:
         self.k_i, self.k_s = np.array(tangents).T
         self.T, parts = machine.sampling_time, machine_parts(machine, noise=False)
         system = linearised(parts, self.T, self.k_i, self.k_s)
-        self.axes = [axis.name for axis in machine.axes]
+        self.axes = machine.axis_names
         p, m = len(machine.axes), len(machine.readings)
         self.measured = feedback == "measurement"
         position = View(machine).measured @ system.C[:m]

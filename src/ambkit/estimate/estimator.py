@@ -111,7 +111,7 @@ class Estimator(AlongRecords, Described, Copyable):
     ) -> None:
         of_type(Machine, machine=machine)
         if not self.takes(machine):
-            names = ", ".join(axis.name for axis in machine.axes)
+            names = ", ".join(machine.axis_names)
             raise ValueError(f"{self.name} takes one axis; {machine.name} has the axes {names}")
         if gravity not in ("known", "disturbance"):
             raise ValueError(f"gravity must be 'known' or 'disturbance', got {gravity!r}")

@@ -267,7 +267,7 @@ def _contradictions_of(view: View, read: Read) -> Iterator[tuple[str, str]]:
     """Yield settings that do not match a filter of these axes."""
     machine, kind, single = view.machine, read("kind"), view.single
     if kind in KINDS and not KINDS[kind].estimator.takes(machine):
-        names = ", ".join(axis.name for axis in machine.axes)
+        names = ", ".join(machine.axis_names)
         yield "kind", f"the {kind} takes one axis; {machine.name} has the axes {names}"
     synchronous = read("synchronous")
     known = isinstance(synchronous, tuple)

@@ -250,7 +250,7 @@ class View:
 
     def axis_of(self, state: Descriptor) -> int:
         """Return the axis of a current or a past control."""
-        names = [axis.name for axis in self.machine.axes]
+        names = self.machine.axis_names
         return 0 if len(names) == 1 else names.index(state.name.split("_")[1])
 
     def known_forces(self, magnet: Any, *, weight: bool) -> list[float]:

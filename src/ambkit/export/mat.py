@@ -52,7 +52,7 @@ def variables(filter: Estimator) -> dict[str, Any]:
     """Return the content of the file by names in MATLAB; all in SI."""
     machine = filter.machine
     single, inputs = machine.single, {"y": filter.inputs.y, "u": filter.inputs.u}
-    axes = dict(zip((axis.name for axis in machine.axes), filter.view.isolated, strict=True))
+    axes = dict(zip(machine.axis_names, filter.view.isolated, strict=True))
     experts = {
         name: magnet if isinstance(magnet, Expert) else None
         for name, magnet in zip(axes, models_of(filter.magnet), strict=True)

@@ -338,7 +338,7 @@ def loop_peak(plant: Any, filter: Estimator, control: Any = None) -> float:
 
 def demands(plant: Any, scenario: Scenario) -> Iterator[Finding]:
     """Yield displacement and force of a run against their limits."""
-    names = [axis.name for axis in plant.axes]
+    names = plant.axis_names
     for axis, b, load in zip(names, isolated_axes(plant), load_capacity(plant), strict=True):
         position, force = (
             [signal for name, signal in by_axis(scenario, what, names[0]) if name == axis]

@@ -53,7 +53,7 @@ class Machine(Shown, Document):
     Examples
     --------
     >>> machine = Machine.preset("tum_mlps")
-    >>> [axis.name for axis in machine.axes]
+    >>> machine.axis_names
     ['A1', 'A2', 'B1', 'B2']
     >>> machine = Machine.preset("zittau_axial")
     >>> machine.replace(magnet__air_gap="2.2 mm").magnet.air_gap
@@ -222,6 +222,11 @@ class Machine(Shown, Document):
     def axes(self) -> tuple[Axis, ...]:
         """The axes of its bearings."""
         return geometry.axes_of(self.bearings, self.shaft)
+
+    @property
+    def axis_names(self) -> list[str]:
+        """Names of the axes; an empty one if the machine is a single axis."""
+        return [axis.name for axis in self.axes]
 
     @cached_property
     def readings(self) -> tuple[Reading, ...]:

@@ -56,7 +56,7 @@ class UnbalanceResponse(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        names = [axis.name for axis in self.machine.axes]
+        names = self.machine.axis_names
         columns = dict(zip(names, self.amplitude.T.tolist(), strict=True))
         return {"machine": self.machine.name, "speeds": self.speed.tolist(), "amplitude": columns}
 

@@ -200,7 +200,7 @@ class Plans:
     def _sampled(self, planned: Planned) -> Sampled:
         """Return the signals of a scenario, shared by many runs."""
         of, machine, T = planned.scenario, planned.machine, planned.machine.sampling_time
-        names = ("",) if machine.single else tuple(axis.name for axis in machine.axes)
+        names = tuple(machine.axis_names)
 
         def known(values: Any, make: Callable[[], Array]) -> Array:
             key = id(values), of.duration, T, names

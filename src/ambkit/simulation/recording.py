@@ -141,7 +141,7 @@ def recorded(
 ) -> Record:  # fmt: skip
     """Return the record of C's results, from a sample on."""
     machine, scenario = form.machine, form.scenario
-    axes = [axis.name for axis in machine.axes]
+    axes = machine.axis_names
     force = form.force(out["force"])
     names = ("X", "iu", "y", "u")
     out = out | {name: np.asarray(out[name], float) for name in names}

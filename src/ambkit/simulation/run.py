@@ -95,7 +95,7 @@ class Sampled(NamedTuple):
     def of(cls, machine: Machine, scenario: Scenario) -> Sampled:
         """Sample a scenario at a machine's sampling time."""
         t = machine.sampling_time * np.arange(samples(machine, scenario), dtype=float)
-        names = tuple(axis.name for axis in machine.axes)
+        names = tuple(machine.axis_names)
         return cls(t, *(along(scenario, what, names, t) for what in AXES))
 
 

@@ -228,7 +228,7 @@ def along(scenario: Scenario, what: str, axes: tuple[str, ...], t: NDArray[np.fl
 
 def wrong_for(scenario: Scenario, machine: Machine) -> Iterator[str]:
     """Yield keys of a scenario that do not apply to a machine."""
-    axes = [axis.name for axis in machine.axes]
+    axes = machine.axis_names
     for what in AXES:
         for at, (axis, _) in enumerate(by_axis(scenario, what, axes[0])):
             if axis not in axes:

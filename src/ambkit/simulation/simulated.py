@@ -221,7 +221,7 @@ class Run(Result):
     @property
     def axes(self) -> list[str]:
         """Names of the axes; empty for a single one."""
-        return [axis.name for axis in self.machine.axes]
+        return self.machine.axis_names
 
     def displacement(self, axis: str) -> str:
         """Return the name of the signal of the displacement along an axis."""

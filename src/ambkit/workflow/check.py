@@ -367,7 +367,7 @@ def preset_listing() -> Document:
     machines = map(Machine.preset, presets.names())
     data: list[dict[str, Any]] = [
         {"name": item.name, "description": item.description, "source": item.source,
-         "axes": [axis.name for axis in item.axes]}
+         "axes": item.axis_names}
         for item in machines
     ]  # fmt: skip
     column = max(len(item["name"]) for item in data) + 2

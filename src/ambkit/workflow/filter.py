@@ -94,7 +94,7 @@ class Filtering(Result):
         """Figures of a smoothed estimate: disturbance force, and errors against the truth."""
         estimate, t = self.smoothed[name], self.record.t
         first = int(np.argmax(t - t[0] >= self.settling))
-        axes = [axis.name for axis in self.machine.axes]
+        axes = self.machine.axis_names
         loads = [estimate[signal("f_d", axis)][first:] for axis in axes]
         return {
             "rmse": errors_along(estimate, self.record, first),
@@ -104,7 +104,7 @@ class Filtering(Result):
 
     def process_noise(self, noise: FilterNoise) -> Any:
         """Assumed process noise intensity of f_d [N^2/s], of each axis if there are several."""
-        axes, intensity = (axis.name for axis in self.machine.axes), noise.disturbance
+        axes, intensity = self.machine.axis_names, noise.disturbance
         return (
             dict(zip(axes, intensity, strict=True)) if isinstance(intensity, tuple) else intensity
         )

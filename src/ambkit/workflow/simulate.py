@@ -104,7 +104,7 @@ def scenario_for(
     of_type(Scenario, scenario=full_scenario)
     if not from_estimate and full_scenario.feedback is None:
         full_scenario = full_scenario.fed("measurement")
-    axes = tuple(axis.name for axis in machine.axes)
+    axes = tuple(machine.axis_names)
     check_for(full_scenario, machine)
     if duration is not None:
         full_scenario = full_scenario.replace(duration=duration)

@@ -98,7 +98,7 @@ def controllers(result: ControlLaw, of: Machine, *, measured: bool) -> LinearSys
     # Each PID's reference is what it looks at of those of the axes.
     B, D = (np.hstack([M[:, :-q], M[:, -q:] @ result.of_axes]) for M in (pids.B, pids.D))
     C, D = result.spread @ pids.C, result.spread @ D
-    axes = [axis.name for axis in of.axes]
+    axes = of.axis_names
     names = result.names if any(axes) else axes
     kinds = (POSITION,) if measured else (POSITION, VELOCITY)
     input_signals = [signal for kind in kinds for signal in of_axes(kind, names)]

@@ -87,7 +87,7 @@ class OperatingPoint(NamedTuple):
         cls, machine: Machine, load: Mapping[str, float] | None = None, x: float = 0.0
     ) -> OperatingPoint:
         """Return the equilibrium at x of the axes, with disturbances."""
-        names, loads = [axis.name for axis in machine.axes], dict(load or {})
+        names, loads = machine.axis_names, dict(load or {})
         for name in loads:
             if name not in names:
                 raise AmbkitError(f"load: there is no axis {name}; there are {', '.join(names)}")
@@ -129,7 +129,7 @@ def plant(of: Machine, point: OperatingPoint, *, continuous: bool = False) -> Li
         for q, value in axis.line.form.items():
             along[k, stands[q]] = value
     C = np.vstack([C[:m], along])
-    names = [axis.name for axis in of.axes]
+    names = of.axis_names
     inputs = (*of_axes(Signal("u", "V"), names), *system.inputs[len(names) :])
     positions = tuple(Signal(displacement(name), "m") for name in names)
     bent = [

@@ -78,7 +78,7 @@ def _assembled(
         H = H[:, state_indices]
         states = tuple(states[k] for k in state_indices)
     left = np.eye(len(states)) - K @ H
-    axes = [axis.name for axis in estimator.machine.axes]
+    axes = estimator.machine.axis_names
     signals: Sequence[Signal] = (*of_axes(POSITION, axes), *of_axes(VELOCITY, axes))
     if outputs is not None:
         rows, signals = outputs[0][:, state_indices], outputs[1]

@@ -232,7 +232,7 @@ def rotor_parameters(machine: Machine) -> dict[str, Any]:
         "var_y": [reading.sensor.noise_variance for reading in machine.readings],
         "speed": machine.speed,
         "mass": machine.rotor.mass,
-        "names": [axis.name for axis in machine.axes],
+        "names": machine.axis_names,
         "bearings": [
             {"name": b.name, "place": b.place, "angle": b.angle, "type": b.type}
             for b in machine.bearings

@@ -297,7 +297,7 @@ def numbers(controller: Controller) -> list[Number]:
     set_ = filter.core.parameters["set"]
     forces = [state.name for state in filter.states if state.role == "disturbance force"]
     noises = [noise.name for noise in filter.model.noises]
-    axes = [axis.name for axis in machine.axes]
+    axes = machine.axis_names
     gains = ("kp", "ki", "kd", "T_f", "T_t", "weight")
     values: dict[str, list[tuple[int, str, float]]] = {
         "var_y": [(k, at.name, set_["var_y"][k]) for k, at in enumerate(machine.readings)],

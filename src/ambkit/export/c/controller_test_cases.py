@@ -96,7 +96,7 @@ def vectors(controller: Controller, scenario: Scenario) -> Vectors:
             machine, case.scenario, estimator=filter,
             controllers=controller.law, external_inputs=external_inputs,
         )  # fmt: skip
-        record, names = run.record, [axis.name for axis in machine.axes]
+        record, names = run.record, machine.axis_names
         y = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
         r, u = (np.column_stack([record[signal(of, name)] for name in names]) for of in "ru")
         assert run.estimate is not None

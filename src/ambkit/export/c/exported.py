@@ -190,7 +190,7 @@ def several(export: Export) -> dict[str, Any]:
     machine = export.filter.machine
     start = {name: c_literals.array(at, export.precision) for name, at in export.start.items()}
     return {
-        "axes": [axis.name for axis in machine.axes],
+        "axes": machine.axis_names,
         "readings": [r.name for r in machine.readings],
         "headers": sorted({f"{kind.source}.h" for kind in export.kinds}),
         **start,

@@ -31,15 +31,11 @@ def of_estimator(filter: Estimator) -> tuple[Variable, ...]:
     return (
         TIME,
         *_readings(filter.machine),
-        *per_name("u", "input", "V", about, _axes(filter.machine), limit="losable"),
+        *per_name("u", "input", "V", about, filter.machine.axis_names, limit="losable"),
         *((POWER_FAILURE,) if called(filter).deenergises else ()),
         *_estimates("", filter),
         *_variances(filter),
     )
-
-
-def _axes(machine: Machine) -> list[str]:
-    return [axis.name for axis in machine.axes]
 
 
 def _reading_names(machine: Machine) -> list[str]:
@@ -52,12 +48,12 @@ def _readings(machine: Machine) -> list[Variable]:
 
 
 def _references(machine: Machine, **more: Any) -> list[Variable]:
-    return per_name("r", "input", "m", "position that is demanded", _axes(machine), **more)
+    return per_name("r", "input", "m", "position that is demanded", machine.axis_names, **more)
 
 
 def _estimates(prefix: str, filter: Estimator) -> list[Variable]:
     known = {"x": "displacement", "x_m": "sensor output"}
-    axes, readings = _axes(filter.machine), _reading_names(filter.machine)
+    axes, readings = filter.machine.axis_names, _reading_names(filter.machine)
     results = []
     for block, before, about in (
         ("mean", "", "estimated {known}"), ("std", "std_", "standard deviation of {field}"),
@@ -83,7 +79,7 @@ def _estimates(prefix: str, filter: Estimator) -> list[Variable]:
 
 
 def _variances(filter: Estimator) -> list[Variable]:
-    assumed, axes = filter.variances, _axes(filter.machine)
+    assumed, axes = filter.variances, filter.machine.axis_names
     readings = _reading_names(filter.machine)
     rows: Any = (
         ("measurement_variance", "m2", "variance of the measurement", readings, assumed.measurement,
@@ -105,7 +101,7 @@ def _variances(filter: Estimator) -> list[Variable]:
 
 def of_plant(machine: Machine, places: Sequence[float]) -> tuple[Variable, ...]:
     """Return the variables of a plant with these initial positions along the axes [m]."""
-    axes, readings = _axes(machine), _reading_names(machine)
+    axes, readings = machine.axis_names, _reading_names(machine)
     known = (
         TIME,
         *per_name("u", "input", "V", "control signal, acts from when it is set", axes),
@@ -165,7 +161,7 @@ def of_loop(
 ) -> tuple[Variable, ...]:
     """Return the variables of a closed loop; `loop_controller`: its complete controller, if any."""
     machine, start = filter.machine, loop_controller
-    axes = _axes(machine)
+    axes = machine.axis_names
     return (
         TIME,
         *_references(machine),
@@ -193,7 +189,7 @@ def of_complete_controller(
 ) -> tuple[Variable, ...]:
     """Return the variables of a complete controller."""
     machine = filter.machine
-    axes, demanded = _axes(machine), "control current that is demanded"
+    axes, demanded = machine.axis_names, "control current that is demanded"
     coils = [
         Variable(signal(f"coil_{k}", axis.name), "output", "A",
                  f"current of {'the coil' if many < 2 else AT[k]}"
@@ -240,7 +236,7 @@ def _lifts(start: ControllerStart | None) -> bool:
 def of_regulator(controller: Controller, current: Array) -> tuple[Variable, ...]:
     """Return the variables of controllers with these initial currents (p,) [A]."""
     filter, machine = controller.estimator, controller.estimator.machine
-    axes, nothing = _axes(machine), np.zeros(len(current))
+    axes, nothing = machine.axis_names, np.zeros(len(current))
     integrals = controller.integrals(current, nothing)
     names = [""] if len(integrals) == 1 else [str(k + 1) for k in range(len(integrals))]
     if controller.fed:
@@ -302,12 +298,12 @@ def _outside(machine: Machine) -> list[Variable]:
             Variable(name, "input", "m/s2", "acceleration of the foundation")
             for name in base_inputs(machine) if name
         ),
-        *per_name("f_d", "input", "N", "disturbance force", _axes(machine)),
+        *per_name("f_d", "input", "N", "disturbance force", machine.axis_names),
     ]  # fmt: skip
 
 
 def _noises(machine: Machine) -> list[Variable]:
-    variables = per_name("noise_u", "input", "V", "noise on the control signal", _axes(machine))
+    variables = per_name("noise_u", "input", "V", "noise on the control signal", machine.axis_names)
     for k, reading in enumerate(machine.readings):
         parts = {"coloured noise": reading.sensor.coloured_noise, "hum": reading.sensor.hum}
         named = "".join(f", {name} too" for name, part in parts.items() if part)
@@ -347,12 +343,13 @@ def _truth(machine: Machine) -> list[Variable]:
             for k, at in enumerate(moving)
         ),
         *displayed,
-        *per_name("s", "output", "m", "displacement of the rotor along the axis", _axes(machine)),
+        *per_name("s", "output", "m", "displacement of the rotor along the axis",
+                  machine.axis_names),
     ]  # fmt: skip
 
 
 def _forced(machine: Machine) -> list[Variable]:
-    axes = _axes(machine)
+    axes = machine.axis_names
     forces = per_name("f_mag", "output", "N", "force of the magnet now", axes)
     return [
         *per_name("iu", "output", "A", "control current until now", axes, held=True),
@@ -365,11 +362,11 @@ def _forced(machine: Machine) -> list[Variable]:
 
 def _currents(machine: Machine, currents: Array) -> list[Variable]:
     about = "demanded until the start"
-    return per_name("start_current", "fixed", "A", about, _axes(machine), currents.tolist())
+    return per_name("start_current", "fixed", "A", about, machine.axis_names, currents.tolist())
 
 
 def _rig(machine: Machine, places: Sequence[float]) -> list[Variable]:
-    axes, constants = _axes(machine), [a.bearing.magnet.magnet_constant for a in machine.axes]
+    axes, constants = machine.axis_names, [a.bearing.magnet.magnet_constant for a in machine.axes]
     mass = [
         Variable("mass", "tunable", "kg", "mass of the rotor", machine.rotor.mass, "positive")
     ] if machine.single else []  # fmt: skip

@@ -277,7 +277,7 @@ class _Loop:
         self.duration = self.n * self.T
         self.t: Array = self.T * np.arange(self.n, dtype=float)
         self.known = along(scenario, "disturbance", ("",), self.t)[:, 0]
-        names = tuple(axis.name for axis in machine.axes)
+        names = tuple(machine.axis_names)
         self.injected = along(scenario, "injection", names, self.t)
 
     def _disturbance(self, seed: int) -> Array:
@@ -297,7 +297,7 @@ class _Loop:
         """Return the utilisation of each limit in each part with a reference [m] (2, parts)."""
         # Optionally with another seed of noise and disturbance. Without the signals in the record's
         # scenario, which take half as long to write as the flight takes.
-        seed, names = self.scenario.seed + other, [axis.name for axis in self.machine.axes]
+        seed, names = self.scenario.seed + other, self.machine.axis_names
         signals = np.zeros((2, self.n, len(names)))
         signals[:, :, names.index(self.axis)] = reference, self._disturbance(seed)
         record = simulate(

@@ -112,7 +112,7 @@ class AxisModel(LoopModel):
 
     @property
     def number(self) -> int:
-        return [axis.name for axis in self.machine.axes].index(self.axis)
+        return self.machine.axis_names.index(self.axis)
 
     def _of_axis(self, axis: str, record: Record) -> Array:
         """Return the acting control signal of an axis at the filter's steps [V]."""

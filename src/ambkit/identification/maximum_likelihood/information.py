@@ -31,10 +31,10 @@ from ambkit.identification.maximum_likelihood.parameters import (
     priors_of,
     uncertain,
 )
+from ambkit.identification.maximum_likelihood.result import CONFIDENCE
 from ambkit.identification.maximum_likelihood.search import LONGEST_STEP, maximise
 from ambkit.machine.magnets import own_time
 
-ASIDE = 1.959964  #: Standard errors at the ends of a 95 % interval.
 NEAR = 0.35
 """Relative difference of the loss from a parabola that is acceptable."""
 
@@ -56,27 +56,24 @@ def intervals(
     # covariance (p, p); larger (p,)
     likelihood = data.likelihood(model, parameters)
     top = likelihood.value(np.zeros(len(parameters)))
-    errors = np.sqrt(np.diag(covariance))
+    errors, least = np.sqrt(np.diag(covariance)), 0.5 * CONFIDENCE**2
     along = covariance / errors  # column k: displacement of all along k for a quadratic likelihood
 
     def parabolic(at: int) -> bool:
-        ends = [likelihood.value(side * ASIDE * along[:, at]) for side in (-1, 1)]
-        least = 0.5 * ASIDE**2
+        ends = [likelihood.value(side * CONFIDENCE * along[:, at]) for side in (-1, 1)]
         # A larger loss than for a parabola: the other parameters may reduce it.
         return all(abs(top - end - least) <= NEAR * least for end in ends)
 
     bent = [at for at in range(len(parameters)) if not parabolic(at)]
-    ends = np.outer(ASIDE * errors, [-1, 1])
+    ends = np.outer(CONFIDENCE * errors, [-1, 1])
     seen: list[tuple[float, LoopModel]] = []
     for at in bent:
         ends[at] = [_end(likelihood, at, side * along[:, at], top, seen) for side in (-1, 1)]
     # Along a bend others move too: points as likely as the ends are within the intervals of all.
-    likely = [
-        likelihood.coordinates.of(there) for lost, there in seen if lost <= NEARLY * 0.5 * ASIDE**2
-    ]
+    likely = [likelihood.coordinates.of(there) for lost, there in seen if lost <= NEARLY * least]
     low = np.min([ends[:, 0], *likely], axis=0) * larger
     high = np.max([ends[:, 1], *likely], axis=0) * larger
-    usual = ASIDE * errors * larger
+    usual = CONFIDENCE * errors * larger
     results = {}
     for at, parameter in enumerate(parameters):
         if at not in bent and np.allclose((-low[at], high[at]), usual[at], rtol=SAME_END):
@@ -102,7 +99,7 @@ def _end(
     parameter = coordinates.parameters[at]
     rest = [p for p in coordinates.parameters if p is not parameter]
     error, tangent = float(along[at]), along / along[at]
-    far, past, ratio, ended, bend = ASIDE * error, 0.0, error, 0 * along, 0 * along
+    far, past, ratio, ended, bend = CONFIDENCE * error, 0.0, error, 0 * along, 0 * along
     for _ in range(ROUNDS):
         step = tangent * far + bend * far**2 - ended
         far = past + (far - past) * min(1.0, LONGEST_STEP / np.max(np.abs(step)))
@@ -116,12 +113,12 @@ def _end(
         bend = (ended - tangent * far) / far**2
         seen.append((top - maximised.value, maximised.model))
         root = math.sqrt(2 * max(top - maximised.value, 1e-9))
-        if abs(0.5 * root**2 - 0.5 * ASIDE**2) < (NEARLY - 1) * 0.5 * ASIDE**2:
+        if abs(0.5 * root**2 - 0.5 * CONFIDENCE**2) < (NEARLY - 1) * 0.5 * CONFIDENCE**2:
             break
         slope = (far / root - ratio) / (far - past)
         past, ratio = far, far / root
-        ends = ASIDE * slope < 1
-        end = abs(ASIDE * (ratio - slope * past) / (1 - ASIDE * slope)) if ends else math.inf
+        left = 1 - CONFIDENCE * slope
+        end = abs(CONFIDENCE * (ratio - slope * past) / left) if left > 0 else math.inf
         far = math.copysign(min(end, 3 * abs(past)), error)
     return far
 

@@ -100,7 +100,7 @@ def _along(
     model: Model, machine: Machine, record: Record, variances: Variances
 ) -> tuple[Array, Array]:
     """F (samples - 1, n, n) and G (samples - 1, n, p + n) of one run, forces held over a sample."""
-    view, names = View(machine), [axis.name for axis in machine.axes]
+    view, names = View(machine), machine.axis_names
     F = np.tile(model.L, (len(record) - 1, 1, 1))
     doors = []
     controls = several(variances.control)

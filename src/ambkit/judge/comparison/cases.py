@@ -159,8 +159,8 @@ def iterate_trials(case: Case, machine: Machine, runs: int, seed: int) -> Iterat
         if case.walks:  # acts as its mean over the sample; the truth is the value at the samples
             plant, rng = turned(plant, scenario.seed), streams(scenario)[0]
             variances = machine.sampling_time * np.atleast_1d(case.process_noise(machine))
-            drawn = [random_walk(rng, float(of), samples(plant, scenario)) for of in variances]
-            means, walks = zip(*drawn, strict=True)
+            n = samples(plant, scenario)
+            means, walks = zip(*(random_walk(rng, float(of), n) for of in variances), strict=True)
             external_inputs = replace(external_inputs, disturbance=np.column_stack(means))
             names = (signal("f_d", axis.name) for axis in machine.axes)
             truth = dict(zip(names, walks, strict=True))

@@ -77,7 +77,6 @@ class Outcome:
     after_f_d: float
     #: Root mean square error over the last tenth of the run, over that of the fault-free run [1].
     final_x: float
-    final_f_d: float
     held: bool  #: Whether the estimator was held at the end.
 
     @property
@@ -215,13 +214,10 @@ class Flight:
         recoveries = [_recovery(out[begin:end]) for begin, end in begins if begin >= 0]
         last = slice(n - max(1, n // 10), n)
         after = slice(late, n)
-
-        def final(name: str) -> float:
-            if name not in errors:
-                return math.nan
+        final_x = math.nan
+        if "x" in errors:
             with np.errstate(over="ignore"):
-                return float(np.sqrt(np.mean(errors[name][last] ** 2)) / band.rms[name])
-
+                final_x = float(np.sqrt(np.mean(errors["x"][last] ** 2)) / band.rms["x"])
         tail = slice(n - max(1, round(LAST * (n - (windows[-1].stop if windows else 0)))), n)
         lost = bool(stopped[tail].any())
         return Outcome(
@@ -239,8 +235,7 @@ class Flight:
             worst_f_d=_greatest(errors, "f_d", slice(first, n)),
             after_x=_greatest(errors, "x", after),
             after_f_d=_greatest(errors, "f_d", after),
-            final_x=final("x"),
-            final_f_d=final("f_d"),
+            final_x=final_x,
             held=run.estimate is not None and _held(run.estimate),
         )
 

@@ -271,7 +271,7 @@ class LoopBuilder:
             result = hinf(of.plant.select([of.plant.outputs[0].name], [of.plant.inputs[0].name]))
             gain = b.sensor.gain  # fed by the position
             parts.append(replace(result, B=gain * result.B, D=gain * result.D))
-        K = block_diagonal(parts, self.shown, [axis.name for axis in self.machine.axes])
+        K = block_diagonal(parts, self.shown, self.machine.axis_names)
         K = replace(K, inputs=(*self.plant.outputs[: len(self.shown[0])], *K.inputs[-len(parts) :]))
         return self.around(K)
 
