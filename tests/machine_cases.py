@@ -94,13 +94,14 @@ def directions(machine: Machine, lines: Any) -> Array:
     return np.array(rows)
 
 
-def slopes(machine: Machine, q: Array, w: Array, F: Array) -> Array:
+def slopes(machine: Machine, q: Array, w: Array, F: Array, speed: float | None = None) -> Array:
     """Second derivatives of q, by the equations of the issue: both planes as x + j y.
 
     In a plane ``M q'' + (D - j speed G) q' + K q`` over x, tilt and the modes, and of what damps
     within the rotor ``D_internal (q' - j speed q)``.
     """
     rotor, bending = machine.rotor, machine.bending
+    speed = machine.speed if speed is None else speed
     modes = 0 if bending is None else len(bending.frequency)
     M, K = np.zeros((2, 2 + modes))
     M[:2], G, D = [rotor.mass, rotor.transverse_inertia], np.zeros((2 + modes,) * 2), 0
@@ -117,9 +118,9 @@ def slopes(machine: Machine, q: Array, w: Array, F: Array) -> Array:
     else:  # as forces along the axes: it bends the rotor no more than when it hangs in them
         push += H.T @ np.linalg.solve(H[:, :4].T, weight)
     p, u, v = _in_planes(push), _in_planes(q), _in_planes(w)
-    a = p + 1j * machine.speed * G @ v
+    a = p + 1j * speed * G @ v
     if modes:
-        a = a - D @ v - K * u - inner @ (v - 1j * machine.speed * u)
+        a = a - D @ v - K * u - inner @ (v - 1j * speed * u)
     a = a / M
     found = np.empty_like(q)
     found[0], found[1], found[2], found[3] = a[0].real, a[0].imag, -a[1].imag, a[1].real

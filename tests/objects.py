@@ -72,7 +72,7 @@ def _object(command: Sequence[str], source: str, cwd: Path) -> Path | None:
     folders = [cwd / word.removeprefix("-I") for word in command if word.startswith("-I")]
     options = (word for word in command[1:] if not word.startswith("-I"))
     try:
-        words = [_identity(command[0]), *options, *_texts(cwd / source, folders)]
+        words = [_identity(command[0]), *options, *texts(cwd / source, folders)]
     except OSError:
         return None
     kept = (
@@ -94,7 +94,7 @@ def _object(command: Sequence[str], source: str, cwd: Path) -> Path | None:
     return kept
 
 
-def _texts(file: Path, folders: Sequence[Path]) -> Iterator[str]:
+def texts(file: Path, folders: Sequence[Path]) -> Iterator[str]:
     """Yield the text of a file, and of all of ours that it includes, each once.
 
     OSError where a macro names what is included: its text could not be told.

@@ -58,7 +58,11 @@ def truth(one, iu, growth):
     H, C = directions(one, one.axes), directions(one, one.readings)
     cores = [magnet_of(one.isolated_axis(axis.name)).in_core(core_module()) for axis in one.axes]
     corners = [axis.bearing.amplifier.bandwidth for axis in one.axes]
-    planes, masses = one.unbalances(), one.masses
+    masses = one.masses
+    planes = [
+        (() if one.bending is None else one.bending.shape(z), z - one.rotor.centre, amount, at)
+        for z, amount, at in one.unbalances()
+    ]
 
     def rates(t, X):
         speed, angle = one.speed + growth * t, one.speed * t + growth * t * t / 2
@@ -71,12 +75,11 @@ def truth(one, iu, growth):
         ]
         turning = one.model_copy(update={"speed": speed})
         F = F + stop_forces(turning, (H @ q)[:, None], (H @ w)[:, None])[:, 0]
-        a = slopes(turning, q, w, F)
-        for z, amount, at in planes:
+        a = slopes(one, q, w, F, speed)
+        for out, arm, amount, at in planes:
             # Minus the second derivative of the offset's place, times the mass.
             turned = amount * (speed**2 - 1j * growth) * np.exp(1j * (angle + at))
-            x, y_, arm = turned.real, turned.imag, z - one.rotor.centre
-            out = [] if one.bending is None else one.bending.shape(z)
+            x, y_ = turned.real, turned.imag
             a += np.r_[x, y_, -arm * y_, arm * x, [o * to for o in out for to in (x, y_)]] / masses
         slow = (C @ q - y) / np.array([r.sensor.lag for r in one.readings])
         out = [w, a, slow]
