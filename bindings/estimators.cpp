@@ -155,6 +155,11 @@ struct Contact : Estimator {
     rows(own.displacement, displacement, "displacement");
     rows(own.velocity, velocity, "velocity");
     rows(own.later, later, "later");
+    own.seen = 1;
+    for (size_t f = 0; f < sizes().forces; f++)
+      for (int i = 0; i < static_cast<int>(sizes().states); i++)
+        if (own.displacement[f][i] != 0 || own.velocity[f][i] != 0)
+          own.seen = std::max(own.seen, i + 1);
     same_length(sizes().forces, coupling.shape(0), "coupling");
     same_length(sizes().forces, coupling.shape(1), "coupling");
     for (size_t f = 0; f < sizes().forces; f++)
@@ -169,6 +174,7 @@ struct Contact : Estimator {
     const Sizes of = sizes();
     nb::dict d;
     d["rings"] = own.rings;
+    d["seen"] = own.seen;
     d["first"] = copied(own.first, of.forces);
     d["second"] = copied(own.second, of.forces);
     for (const auto &[name, member] : by_ring)

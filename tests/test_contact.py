@@ -17,7 +17,16 @@ from ambkit.judge.comparison.criteria import errors_along
 from ambkit.judge.contact import contact_notes, on_stop, stop_notes
 from ambkit.machine.magnets import magnet_of
 from ambkit.simulation.run import simulate_run
-from benchmarks.contact import MACHINES, bound, episodes, judge, true_forces, walks, with_stop
+from benchmarks.contact import (
+    MACHINES,
+    bound,
+    episodes,
+    judge,
+    preset,
+    true_forces,
+    walks,
+    with_stop,
+)
 from firmware import harness
 
 SENSOR = {"sensor__noise_variance": "33.6 um^2"}  # 5.8 um
@@ -428,6 +437,24 @@ def test_in_contact_a_step_takes_at_most_half_as_much_again_as_the_extended_filt
         touched = (run.status[1:] & int(Status.CONTACT)) != 0
         assert kind == "extended" or touched.sum() > 50
         median[kind] = np.median(run.instructions[touched if touched.any() else slice(None)])
+    assert median["contact"] <= 1.5 * median["extended"]
+
+
+@pytest.mark.long
+@pytest.mark.skipif(bool(harness.missing_tools()), reason="needs the cross compiler and qemu")
+def test_in_both_rings_it_takes_no_more_and_compiles_without_a_warning(tmp_path):
+    machine, median, N = preset("hindawi_2011", **FRICTION), {}, 300
+    record, noise = walks(machine, 7, 3000 * machine.sampling_time, 1000 * machine.sampling_time)
+    y, u = (np.column_stack([record[f"{of}_{axis.name}"] for axis in machine.axes]) for of in "yu")
+    np.hstack([y[2000:][:N], u[1999:][:N]]).astype("<f4").tofile(tmp_path / "input.bin")
+    for kind in ("extended", "contact"):
+        kf = KINDS[kind].make(machine, noise=noise, precision="float32")
+        out = tmp_path / kind
+        made = export_c(machine, kf, out, prefix="filter", loops=True, force=True)
+        main = harness.HERE / "axes.c"
+        harness.emulated(harness.build(made.folder, out / "build", main=main).elf, tmp_path)
+        counted = np.fromfile(tmp_path / "instructions.bin", "<u4")[1:]
+        median[kind] = np.quantile(counted, 0.5 if kind == "extended" else 0.99)
     assert median["contact"] <= 1.5 * median["extended"]
 
 

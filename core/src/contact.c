@@ -1,4 +1,5 @@
 #include "contact_bounce.h"
+#include "linear_forces.h"
 
 /* Magnet forces without current [N], relative to the bias forces, and their tangents. */
 AMB_INLINE void forces_without_current(const amb_model *model, const amb_contact *own,
@@ -29,22 +30,23 @@ AMB_INLINE amb_status forces_at(const amb_estimator *self, const amb_real mean[A
     F[f] = scale * F[f] + kf->set.f_0[f];
     N[f] = AMB_C(0.0);
   }
+  const motion free = free_motion(&kf->model, own, mean);
   if (!own->brief) {
-    touch_in_turn(&kf->model, own, mean, F, N);
+    touch_in_turn(&kf->model, own, &free, F, N);
   }
   amb_clear(amb_states(&kf->model), later);
   for (int ring = 0; ring < own->rings; ring++) {
     touch_down at;
     if (own->brief) {
       start from;
-      if (approach_from(&kf->model, own, ring, mean, F, &at, &from)) {
+      if (approach_from(&kf->model, own, ring, mean, &free, F, &at, &from)) {
         const impulse of = impulse_of(own, ring, &from, AMB_C(0.0), AMB_C(0.0));
         at.force = of.mean;
         react(own, ring, &at);
         add_force(&at, N);
         add_later(&kf->model, own, &at, -of.late, later);
       }
-    } else if (touch_beside(&kf->model, own, ring, mean, F, N, &at)) {
+    } else if (touch_beside(&kf->model, own, ring, &free, F, N, &at)) {
       add_force(&at, N);
       add_turn(&kf->model, own, &at, later);
     } else {
@@ -63,13 +65,12 @@ amb_status amb_contact_forces(const amb_estimator *self, const amb_real mean[AMB
   return forces_at(self, mean, iu, scale, deenergised, F, N, unused);
 }
 
-/* Mean and variance of N over the uncertainty of the penetration. */
-AMB_INLINE void add_curvature(int n, const amb_contact *own, int ring, touch_down *at)
+/* Mean and variance of N over the uncertainty of the penetration, by the variance of N. */
+AMB_INLINE void add_curvature(const amb_contact *own, int ring, touch_down *at)
 {
   /* A lower limit of E, so that the quotient is always finite. */
   const amb_real least = AMB_C(1e-9) * own->clearance[ring] / own->compliance[ring];
   const amb_real E = amb_at_least(at->elastic, least);
-  at->variance = times(n, at->w, at->spread);
   const amb_real share = at->variance / (AMB_C(6.0) * E * E);
   const amb_real bend = amb_at_most(amb_at_least(share, AMB_C(0.0)), AMB_C(6.0));
   const amb_real relative = AMB_C(2.0) * bend * bend + own->scatter_squared;
@@ -77,86 +78,25 @@ AMB_INLINE void add_curvature(int n, const amb_contact *own, int ring, touch_dow
   at->force += bend * at->force;
 }
 
-/* Adds to a gradient those of displacement and velocity in a direction, with these factors. */
-AMB_INLINE void add_gradient(int n, const amb_contact *own, const touch_down *at,
-                             const amb_real direction[2], amb_real by_place, amb_real by_rate,
-                             amb_real w[AMB_STATES])
-{
-  for (int a = 0; a < at->axes; a++) {
-    const amb_real *row = own->displacement[at->axis[a]];
-    const amb_real *rate = own->velocity[at->axis[a]];
-    for (int i = 0; i < n; i++) {
-      w[i] += direction[a] * (by_place * row[i] + by_rate * rate[i]);
-    }
-  }
-}
-
-/* Second entry of a ring, the force across the reaction: the reaction turns with the rotor, and the
- * friction of one that rolls follows its slip. `late`: lateness of both. */
-AMB_INLINE void cross_contact(const amb_kalman *kf, const amb_contact *own, int ring,
-                              const amb_kalman_state *s, touch_down *at, amb_real late[AMB_STATES])
+/* The resolved contact of one axis, with w, u and P w. Returns whether there is any. */
+AMB_INLINE bool one_contact(const amb_kalman *kf, const amb_contact *own, const amb_kalman_state *s,
+                            const amb_real F[AMB_FORCES], touch_down *at)
 {
   const int n = amb_states(&kf->model);
-  const touch_down *of = &at[0];
-  const amb_real across[2] = {-of->normal[1], of->normal[0]};
-  const amb_real by_place = (of->force - of->sticks * of->rate) / of->radius;
-  const amb_real rubs = (of->sticks > AMB_C(0.0)) ? own->friction[ring] : AMB_C(0.0);
-  add_gradient(n, own, of, across, of->c * of->across / of->radius, AMB_C(0.0), at[0].w);
-  add_turn(&kf->model, own, of, late);
-  at[1].axes = 2;
-  at[1].axis[0] = of->axis[0];
-  at[1].axis[1] = of->axis[1];
-  at[1].reaction[0] = -of->reaction[1];
-  at[1].reaction[1] = of->reaction[0];
-  at[1].force = AMB_C(0.0);
-  amb_clear(n, at[1].w);
-  amb_clear(n, at[1].u);
-  amb_clear(n, at[1].spread);
-  add_gradient(n, own, of, across, by_place, of->sticks, at[1].w);
-  add_response(&kf->model, 0, &at[1]);
-  add_response(&kf->model, 1, &at[1]);
-  add_spread(n, s->cov, at[1].w, at[1].spread);
-  at[1].variance = times(n, at[1].w, at[1].spread);
-  at[1].extra = own->scatter_squared * (of->turn * of->turn + rubs * rubs) * of->force * of->force;
-}
-
-/* All resolved contacts, each with w, u and P w, and their lateness. Returns how many entries. */
-AMB_INLINE int all_contacts(const amb_kalman *kf, const amb_contact *own, const amb_kalman_state *s,
-                            const amb_real F[AMB_FORCES], touch_down at[AMB_RESOLVED],
-                            amb_real late[AMB_STATES])
-{
-  const int n = amb_states(&kf->model);
-  int count = 0;
-  amb_real N[AMB_FORCES];
-  if (amb_forces(&kf->model) > 1) {
-    touch_in_turn(&kf->model, own, s->mean, F, N);
-    amb_clear(n, late);
+  const motion free = free_motion(&kf->model, own, s->mean);
+  if ((own->rings == 0) || !touch(&kf->model, own, 0, &free, F, at)) {
+    return false;
   }
-  for (int ring = 0; ring < own->rings; ring++) {
-    touch_down *now = &at[count];
-    amb_clear(n, now->w); /* without contact too: the proof does not follow the count */
-    amb_clear(n, now->u);
-    amb_clear(n, now->spread);
-    const bool touches = (amb_forces(&kf->model) > 1)
-                             ? touch_beside(&kf->model, own, ring, s->mean, F, N, now)
-                             : touch(&kf->model, own, ring, s->mean, F, now);
-    if (touches) {
-      count += (amb_forces(&kf->model) > 1) ? now->axes : 1;
-      add_gradient(n, own, now, now->normal, now->k, now->c, now->w);
-      for (int a = 0; a < now->axes; a++) {
-        add_response(&kf->model, a, now);
-      }
-      if (amb_forces(&kf->model) > 1) {
-        add_force(now, N);
-        if (now->axes > 1) {
-          cross_contact(kf, own, ring, s, now, late);
-        }
-      }
-      add_spread(n, s->cov, now->w, now->spread);
-      add_curvature(n, own, ring, now);
-    }
+  amb_clear(n, at->u);
+  amb_clear(n, at->spread);
+  for (int i = 0; i < n; i++) {
+    at->w[i] = at->normal[0] * (at->k * own->displacement[0][i] + at->c * own->velocity[0][i]);
   }
-  return count;
+  add_response(&kf->model, 0, at);
+  add_spread(n, s->cov, at->w, at->spread);
+  at->variance = times(n, at->w, at->spread);
+  add_curvature(own, 0, at);
+  return true;
 }
 
 /* From A P A' of the free rotor to that of the rotor in contact, with the additional variances;
@@ -195,25 +135,167 @@ AMB_INLINE void add_contact_stiffness(const amb_kalman *kf, int count, bool in_p
   }
 }
 
+#if AMB_FORCES > 1
+/* Contact forces along the axes: gradients by the states, and covariances besides [N^2]. */
+typedef struct linear_forces {
+  amb_real row[AMB_FORCES * AMB_STATES];
+  amb_real variance[AMB_FORCES * AMB_FORCES];
+} linear_forces;
+
+/* w' P w, of a w with `seen` entries. */
+AMB_INLINE amb_real variance_of(int n, int seen, const amb_real P[AMB_TRIANGLE],
+                                const amb_real w[AMB_STATES])
+{
+  amb_real half = AMB_C(0.0);
+  for (int i = 0; (i + 1) < seen; i += 2) { /* two rows, which share the entries of w */
+    const amb_real *row = &P[amb_entry(n, i, 0)];
+    const amb_real *next = &P[amb_entry(n, i + 1, 0)];
+    amb_real sum = AMB_C(0.5) * row[i] * w[i] + row[i + 1] * w[i + 1];
+    amb_real below = AMB_C(0.5) * next[i + 1] * w[i + 1];
+    for (int j = i + 2; j < seen; j++) {
+      sum += row[j] * w[j];
+      below += next[j] * w[j];
+    }
+    half += w[i] * sum + w[i + 1] * below;
+  }
+  if ((seen % 2) != 0) {
+    const int last = seen - 1;
+    half += AMB_C(0.5) * P[amb_entry(n, last, last)] * w[last] * w[last];
+  }
+  return AMB_C(2.0) * half;
+}
+
+/* Adds the gradients of a ring's forces along its axes by the states, and their variances besides:
+ * those of N with the reaction, and those of the force across it. The reaction turns with the
+ * rotor, and the friction of one that rolls follows its slip. */
+AMB_INLINE void add_ring(const amb_model *model, const amb_contact *own, int ring,
+                         const amb_real P[AMB_TRIANGLE], touch_down *at, linear_forces *forces)
+{
+  const int n = amb_states(model);
+  const int p = amb_forces(model);
+  const int axis[2] = {at->axis[0], at->axis[1]};
+  const bool two = at->axes > 1;
+  const amb_real across[2] = {-at->normal[1], at->normal[0]};
+  const amb_real turned[2] = {-at->reaction[1], at->reaction[0]};
+  amb_real slope = AMB_C(0.0); /* of N by the displacement across the normal ... */
+  amb_real turns = AMB_C(0.0); /* ... and of the force across the reaction */
+  amb_real extra = AMB_C(0.0);
+  if (two) {
+    const amb_real rubs = (at->sticks > AMB_C(0.0)) ? own->friction[ring] : AMB_C(0.0);
+    slope = at->c * at->across / at->radius;
+    turns = (at->force - at->sticks * at->rate) / at->radius;
+    extra = own->scatter_squared * (at->turn * at->turn + rubs * rubs) * at->force * at->force;
+  }
+  const amb_real by_place[2] = {at->k * at->normal[0] + slope * across[0],
+                                at->k * at->normal[1] + slope * across[1]};
+  const amb_real by_rate[2] = {at->c * at->normal[0], at->c * at->normal[1]};
+  const amb_real turns_by[2] = {turns * across[0], turns * across[1]};
+  const amb_real rolls_by[2] = {at->sticks * across[0], at->sticks * across[1]};
+  amb_real *first = &forces->row[axis[0] * n];
+  amb_real *second = &forces->row[axis[1] * n];
+  for (int j = 0; j < own->seen; j++) {
+    const amb_real place[2] = {own->displacement[axis[0]][j], own->displacement[axis[1]][j]};
+    const amb_real rate[2] = {own->velocity[axis[0]][j], own->velocity[axis[1]][j]};
+    const amb_real w = by_place[0] * place[0] + by_place[1] * place[1] + by_rate[0] * rate[0] +
+                       by_rate[1] * rate[1];
+    const amb_real beside = turns_by[0] * place[0] + turns_by[1] * place[1] +
+                            rolls_by[0] * rate[0] + rolls_by[1] * rate[1];
+    at->w[j] = w;
+    first[j] = at->reaction[1] * beside - at->reaction[0] * w;
+    if (two) {
+      second[j] = -at->reaction[1] * w - at->reaction[0] * beside;
+    }
+  }
+  at->variance = variance_of(n, own->seen, P, at->w);
+  add_curvature(own, ring, at);
+  for (int a = 0; a < at->axes; a++) {
+    for (int b = 0; b < at->axes; b++) {
+      forces->variance[axis[a] * p + axis[b]] =
+          at->extra * (at->reaction[a] * at->reaction[b]) + extra * (turned[a] * turned[b]);
+    }
+  }
+}
+
+/* All resolved contacts of several axes under the other forces F, which become all forces, with the
+ * lateness of the contacts. */
+AMB_INLINE bool all_contacts(const amb_kalman *kf, const amb_contact *own,
+                             const amb_kalman_state *s, amb_real F[AMB_FORCES],
+                             linear_forces *forces, amb_real late[AMB_STATES])
+{
+  const int n = amb_states(&kf->model);
+  const int p = amb_forces(&kf->model);
+  const motion free = free_motion(&kf->model, own, s->mean);
+  amb_real N[AMB_FORCES];
+  amb_real sum[AMB_FORCES];
+  bool any = false;
+  touch_in_turn(&kf->model, own, &free, F, N);
+  amb_clear(n, late);
+  amb_clear(p, sum);
+  amb_clear(p * n, forces->row);
+  amb_clear(p * p, forces->variance);
+  for (int ring = 0; ring < own->rings; ring++) {
+    touch_down at;
+    if (touch_beside(&kf->model, own, ring, &free, F, N, &at)) {
+      any = true;
+      add_force(&at, N);
+      add_turn(&kf->model, own, &at, late);
+      add_ring(&kf->model, own, ring, s->cov, &at, forces);
+      add_force(&at, sum);
+    }
+  }
+  for (int f = 0; f < p; f++) {
+    F[f] += sum[f];
+  }
+  return any;
+}
+
+/* Prediction of several axes with resolved contacts. */
+AMB_INLINE amb_status predict_rings(const amb_kalman *kf, const amb_contact *own,
+                                    amb_kalman_state *s, amb_real F[AMB_FORCES],
+                                    const amb_stiffness k[AMB_FORCES],
+                                    const amb_real iu[AMB_CONTROLS], amb_status *status)
+{
+  linear_forces forces;
+  amb_real late[AMB_STATES];
+  const bool any = all_contacts(kf, own, s, F, &forces, late);
+  for (int f = 0; f < amb_forces(&kf->model); f++) {
+    if (!AMB_WITHIN(F[f], AMB_REAL_ROOT)) { /* as in amb_step_predict_with */
+      return AMB_BAD_PARAMETER;
+    }
+  }
+  amb_model_predict_mean(&kf->model, F, iu, s->mean);
+  amb_model_predict_with_forces(&kf->model, k, forces.row, forces.variance, kf->set.k_ui,
+                                kf->set.var_u, kf->growth, s->cov, AMB_ROOM(s));
+  if (any) {
+    *status |= AMB_CONTACT;
+    for (int i = 0; i < amb_states(&kf->model); i++) {
+      s->mean[i] += late[i];
+    }
+  }
+  return AMB_OK;
+}
+#endif
+
 /* Prediction with the other forces F, which become all forces, and resolved contacts. */
 AMB_INLINE amb_status predict_contacts(const amb_kalman *kf, const amb_contact *own,
                                        amb_kalman_state *s, amb_real F[AMB_FORCES],
                                        const amb_stiffness k[AMB_FORCES],
                                        const amb_real iu[AMB_CONTROLS], amb_status *status)
 {
-  touch_down at[AMB_RESOLVED];
-  amb_real late[AMB_STATES];
-  const int count = all_contacts(kf, own, s, F, at, late);
-  for (int e = 0; e < count; e++) {
+#if AMB_FORCES > 1
+  if (amb_forces(&kf->model) > 1) {
+    return predict_rings(kf, own, s, F, k, iu, status);
+  }
+#endif
+  touch_down at[1];
+  const bool any = one_contact(kf, own, s, F, at);
+  if (any) {
     *status |= AMB_CONTACT;
-    add_force(&at[e], F);
+    add_force(at, F);
   }
   const amb_status predicted = amb_step_predict_with(kf, s, F, k, iu);
-  if ((predicted == AMB_OK) && (count > 0)) {
-    for (int i = 0; (amb_forces(&kf->model) > 1) && (i < amb_states(&kf->model)); i++) {
-      s->mean[i] += late[i];
-    }
-    add_contact_stiffness(kf, count, false, at, k, s->cov);
+  if ((predicted == AMB_OK) && any) {
+    add_contact_stiffness(kf, 1, false, at, k, s->cov);
   }
   return predicted;
 }

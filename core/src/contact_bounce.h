@@ -5,11 +5,6 @@
 #include "contact_ring.h"
 
 #define AMB_CONTACTS (2 * AMB_FORCES) /* entries: the force of each ring, and its lateness */
-#if AMB_FORCES > 1
-#define AMB_RESOLVED AMB_CONTACTS /* and that across a ring, at most */
-#else
-#define AMB_RESOLVED 1
-#endif
 
 /* Motion along the normal at the start of a sample. */
 typedef struct start {
@@ -21,10 +16,10 @@ typedef struct start {
 
 /* ... from its means over the sample, where they come near to the clearance. */
 AMB_INLINE bool approach_from(const amb_model *model, const amb_contact *own, int ring,
-                              const amb_real mean[AMB_STATES], const amb_real F[AMB_FORCES],
-                              touch_down *at, start *from)
+                              const amb_real mean[AMB_STATES], const motion *free,
+                              const amb_real F[AMB_FORCES], touch_down *at, start *from)
 {
-  if (!approach(model, own, ring, mean, F, AMB_C(0.5) * own->clearance[ring], at)) {
+  if (!approach(model, own, ring, free, F, AMB_C(0.5) * own->clearance[ring], at)) {
     return false;
   }
   const int load = amb_first(model, AMB_LOAD);
@@ -103,12 +98,13 @@ AMB_INLINE void combine(int n, amb_real by_depth, amb_real by_rate,
 
 /* Contact that is as short as a few samples, at most: N, and its lateness as a second entry. */
 AMB_INLINE bool bounce(const amb_kalman *kf, const amb_contact *own, int ring,
-                       const amb_kalman_state *s, const amb_real F[AMB_FORCES], touch_down at[2])
+                       const amb_kalman_state *s, const motion *free, const amb_real F[AMB_FORCES],
+                       touch_down at[2])
 {
   const amb_model *model = &kf->model;
   const int n = amb_states(model);
   start from;
-  if (!approach_from(model, own, ring, s->mean, F, &at[0], &from)) {
+  if (!approach_from(model, own, ring, s->mean, free, F, &at[0], &from)) {
     return false;
   }
   /* Standard deviations (Cholesky) of penetration and rate. */
@@ -184,6 +180,7 @@ AMB_INLINE bool all_bounces(const amb_kalman *kf, const amb_contact *own, const 
                             const amb_real F[AMB_FORCES], touch_down at[AMB_CONTACTS])
 {
   const int n = amb_states(&kf->model);
+  const motion free = free_motion(&kf->model, own, s->mean);
   bool any = false;
   for (int e = 0; e < 2 * amb_forces(&kf->model); e++) {
     at[e].likely = false;
@@ -198,7 +195,7 @@ AMB_INLINE bool all_bounces(const amb_kalman *kf, const amb_contact *own, const 
   }
   for (int ring = 0; ring < own->rings; ring++) {
     touch_down *now = &at[2 * ring];
-    if (bounce(kf, own, ring, s, F, now)) {
+    if (bounce(kf, own, ring, s, &free, F, now)) {
       any = true;
     } else {
       now->likely = false;

@@ -59,6 +59,35 @@ AMB_INLINE void elastic_force(amb_real stiffness, amb_real compliance, amb_real 
   }
 }
 
+/* Mean displacement [m] and velocity [m/s] along each axis over a sample without forces. */
+typedef struct motion {
+  amb_real displacement[AMB_FORCES];
+  amb_real velocity[AMB_FORCES];
+} motion;
+
+/* Number of states that contacts may depend on, the first ones. */
+AMB_INLINE int seen_states(const amb_model *model, const amb_contact *own)
+{
+  return (amb_forces(model) > 1) ? own->seen : amb_states(model);
+}
+
+AMB_INLINE motion free_motion(const amb_model *model, const amb_contact *own,
+                              const amb_real mean[AMB_STATES])
+{
+  motion free;
+  for (int axis = 0; axis < amb_forces(model); axis++) {
+    free.displacement[axis] = own->displacement[axis][0] * mean[0];
+    free.velocity[axis] = own->velocity[axis][0] * mean[0];
+  }
+  for (int i = 1; i < seen_states(model, own); i++) {
+    for (int axis = 0; axis < amb_forces(model); axis++) {
+      free.displacement[axis] += own->displacement[axis][i] * mean[i];
+      free.velocity[axis] += own->velocity[axis][i] * mean[i];
+    }
+  }
+  return free;
+}
+
 /* Force that has the effect of all forces F on the mean motion along an axis. */
 AMB_INLINE amb_real along(const amb_model *model, const amb_contact *own, int axis,
                           const amb_real F[AMB_FORCES])
@@ -73,13 +102,12 @@ AMB_INLINE amb_real along(const amb_model *model, const amb_contact *own, int ax
   return sum;
 }
 
-/* Normal, penetration and velocities of a ring at a mean of the states and under the other forces
- * F, if the displacement is beyond `least`; leaves w, u and spread unchanged. */
+/* Normal, penetration and velocities of a ring in a motion that other forces F change, if the
+ * displacement is beyond `least`; leaves w, u and spread unchanged. */
 AMB_INLINE bool approach(const amb_model *model, const amb_contact *own, int ring,
-                         const amb_real mean[AMB_STATES], const amb_real F[AMB_FORCES],
-                         amb_real least, touch_down *at)
+                         const motion *free, const amb_real F[AMB_FORCES], amb_real least,
+                         touch_down *at)
 {
-  const int n = amb_states(model);
   const bool two = (amb_forces(model) > 1) && (own->second[ring] != own->first[ring]);
   at->likely = true;
   at->axes = two ? 2 : 1;
@@ -102,9 +130,8 @@ AMB_INLINE bool approach(const amb_model *model, const amb_contact *own, int rin
   const amb_real F_a = along(model, own, at->axis[0], F);
   const amb_real F_b = two ? along(model, own, at->axis[1], F) : AMB_C(0.0);
   const amb_real compliance = own->compliance[ring];
-  const amb_real a = times(n, own->displacement[at->axis[0]], mean) + compliance * F_a;
-  const amb_real b =
-      two ? (times(n, own->displacement[at->axis[1]], mean) + compliance * F_b) : AMB_C(0.0);
+  const amb_real a = free->displacement[at->axis[0]] + compliance * F_a;
+  const amb_real b = two ? (free->displacement[at->axis[1]] + compliance * F_b) : AMB_C(0.0);
   const amb_real radius = two ? amb_root(a * a + b * b) : amb_magnitude(a);
   if (!(radius > least)) {
     return false;
@@ -113,9 +140,8 @@ AMB_INLINE bool approach(const amb_model *model, const amb_contact *own, int rin
   at->normal[0] = a / radius;
   at->normal[1] = two ? (b / radius) : AMB_C(0.0);
   const amb_real mobility = own->mobility[ring];
-  const amb_real v = times(n, own->velocity[at->axis[0]], mean) + mobility * F_a;
-  const amb_real w =
-      two ? (times(n, own->velocity[at->axis[1]], mean) + mobility * F_b) : AMB_C(0.0);
+  const amb_real v = free->velocity[at->axis[0]] + mobility * F_a;
+  const amb_real w = two ? (free->velocity[at->axis[1]] + mobility * F_b) : AMB_C(0.0);
   at->rate = at->normal[0] * v;
   if (two) {
     at->rate += at->normal[1] * w;
@@ -162,12 +188,12 @@ AMB_INLINE void add_turn(const amb_model *model, const amb_contact *own, const t
   }
 }
 
-/* Contact of a ring at a mean of the states and under the other forces F. Returns whether there is
- * any; leaves w, u and spread unchanged. */
-AMB_INLINE bool touch(const amb_model *model, const amb_contact *own, int ring,
-                      const amb_real mean[AMB_STATES], const amb_real F[AMB_FORCES], touch_down *at)
+/* Contact of a ring in a motion that other forces F change. Returns whether there is any; leaves w,
+ * u and spread unchanged. */
+AMB_INLINE bool touch(const amb_model *model, const amb_contact *own, int ring, const motion *free,
+                      const amb_real F[AMB_FORCES], touch_down *at)
 {
-  if (!approach(model, own, ring, mean, F, own->clearance[ring], at)) {
+  if (!approach(model, own, ring, free, F, own->clearance[ring], at)) {
     return false;
   }
   const amb_real compliance = own->compliance[ring];
@@ -196,7 +222,7 @@ AMB_INLINE void add_force(const touch_down *at, amb_real F[AMB_FORCES])
 /* The contact of a ring under the other forces F and those of the other contacts, of all of which
  * N [N] are those along the axes so far, and then without its own. Returns whether there is any. */
 AMB_INLINE bool touch_beside(const amb_model *model, const amb_contact *own, int ring,
-                             const amb_real mean[AMB_STATES], const amb_real F[AMB_FORCES],
+                             const motion *free, const amb_real F[AMB_FORCES],
                              amb_real N[AMB_FORCES], touch_down *at)
 {
   amb_real beside[AMB_FORCES];
@@ -206,19 +232,18 @@ AMB_INLINE bool touch_beside(const amb_model *model, const amb_contact *own, int
   for (int f = 1; f < amb_forces(model); f++) {
     beside[f] = F[f] + N[f];
   }
-  return touch(model, own, ring, mean, (amb_forces(model) > 1) ? beside : F, at);
+  return touch(model, own, ring, free, (amb_forces(model) > 1) ? beside : F, at);
 }
 
-/* N of contacts that know those of the rings before them, for the others. */
-AMB_INLINE void touch_in_turn(const amb_model *model, const amb_contact *own,
-                              const amb_real mean[AMB_STATES], const amb_real F[AMB_FORCES],
-                              amb_real N[AMB_FORCES])
+/* N of all contacts but the first, from last to first: each knows those after it. */
+AMB_INLINE void touch_in_turn(const amb_model *model, const amb_contact *own, const motion *free,
+                              const amb_real F[AMB_FORCES], amb_real N[AMB_FORCES])
 {
   touch_down at;
   amb_clear(amb_forces(model), N);
   if ((amb_forces(model) > 1) && (own->rings > 1)) {
-    for (int ring = 0; ring < own->rings; ring++) {
-      if (touch_beside(model, own, ring, mean, F, N, &at)) {
+    for (int ring = own->rings - 1; ring > 0; ring--) {
+      if (touch_beside(model, own, ring, free, F, N, &at)) {
         add_force(&at, N);
       }
     }

@@ -1,4 +1,4 @@
-#include "ambkit/model.h"
+#include "linear_forces.h"
 
 #if defined(AMB_MODEL_LOOPS)
 
@@ -220,18 +220,29 @@ static void transpose(int n, const amb_real *from, amb_real *to)
   }
 }
 
-/* w = row_f P, and the coefficients `row` of each entry of h, from last to first. */
-static void set_force_covariance(const amb_model *model, const amb_stiffness k[],
-                                 const workspace *room, amb_real row[])
+/* Gradients of the forces by the states, row by row. */
+typedef struct force_rows {
+  const unsigned short *start;
+  const unsigned short *column;
+  amb_real value[AMB_FORCES * AMB_STATES];
+} force_rows;
+
+/* Entry `at` of h, of magnet f and collocated states. */
+static amb_real of_magnet(const amb_model *model, const amb_stiffness k[], int f, int at)
+{
+  return k[f].k_s * model->h.value[at] + k[f].k_i * model->e[at] + model->r[at];
+}
+
+/* w = row_f P, summed from last to first. */
+static void set_force_covariance(const amb_model *model, const force_rows *rows,
+                                 const workspace *room)
 {
   const int n = model->states;
-  const amb_sparse *h = &model->h;
   for (int f = 0; f < model->forces; f++) {
     sum_of_rows sum;
     sum.count = 0;
-    for (int a = (int)h->start[f + 1] - 1; a >= (int)h->start[f]; a--) {
-      row[a] = k[f].k_s * h->value[a] + k[f].k_i * model->e[a] + model->r[a];
-      add_row(&sum, row[a], &room->P[(int)h->column[a] * n]);
+    for (int a = (int)rows->start[f + 1] - 1; a >= (int)rows->start[f]; a--) {
+      add_row(&sum, rows->value[a], &room->P[(int)rows->column[a] * n]);
     }
     add_up(&sum, n, n, &room->w[f * n]);
   }
@@ -277,10 +288,9 @@ static void set_control_covariance(const amb_model *model, int c, amb_real var_u
 
 /* z, where P now holds the transpose of M: the control noise in force f, then row_f M. */
 static void set_next_force_covariance(const amb_model *model, int f, const control_noise *noise,
-                                      const amb_real row[], int direct, const workspace *room)
+                                      const force_rows *rows, int direct, const workspace *room)
 {
   const int n = model->states;
-  const amb_sparse *h = &model->h;
   sum_of_rows sum;
   sum.count = 0;
   for (int g = 0; g < model->forces; g++) {
@@ -290,8 +300,8 @@ static void set_next_force_covariance(const amb_model *model, int f, const contr
     const int c = model->d.column[a];
     add_row(&sum, noise->gain[f][c], &room->u[c * n]);
   }
-  for (int a = (int)h->start[f + 1] - 1; a >= (int)h->start[f]; a--) {
-    add_row(&sum, row[a], &room->P[(int)h->column[a] * n]);
+  for (int a = (int)rows->start[f + 1] - 1; a >= (int)rows->start[f]; a--) {
+    add_row(&sum, rows->value[a], &room->P[(int)rows->column[a] * n]);
   }
   add_up(&sum, n, n, &room->z[f * n]);
 }
@@ -313,17 +323,14 @@ static void next_column(const amb_model *model, int j, const amb_real k_ui[], co
   add_up(&sum, n, j + 1, column);
 }
 
-void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[],
-                                  const amb_real k_ui[], const amb_real var_u[],
-                                  const amb_real growth[], amb_real cov[], amb_real work[])
+static void predict(const amb_model *model, const force_rows *rows, const control_noise *noise,
+                    const amb_real k_ui[], const amb_real var_u[], const amb_real growth[],
+                    amb_real cov[], amb_real work[])
 {
   const int n = model->states;
   const workspace room = parts_of(model, work);
-  control_noise noise;
-  amb_real row[AMB_FORCES * AMB_STATES];
-  noise_of_controls(model, k, k_ui, var_u, &noise);
   fill_symmetric(n, cov, room.P);
-  set_force_covariance(model, k, &room, row);
+  set_force_covariance(model, rows, &room);
   for (int i = 0; i < n; i++) {
     sum_of_rows sum;
     sum.count = 0;
@@ -336,10 +343,10 @@ void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[
                                                                           on states */
   set_input_rows(model, k_ui, direct, &room);
   for (int c = 0; c < direct; c++) {
-    set_control_covariance(model, c, var_u[c], &noise, &room);
+    set_control_covariance(model, c, var_u[c], noise, &room);
   }
   for (int f = 0; f < model->forces; f++) {
-    set_next_force_covariance(model, f, &noise, row, direct, &room);
+    set_next_force_covariance(model, f, noise, rows, direct, &room);
   }
   mirror(n, growth, room.M);
   for (int j = 0; j < n; j += 4) {
@@ -354,6 +361,71 @@ void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[
     }
     transpose_rows(end - j, columns, 0, j, n - 1, 1, &cov[j]);
   }
+}
+
+void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[],
+                                  const amb_real k_ui[], const amb_real var_u[],
+                                  const amb_real growth[], amb_real cov[], amb_real work[])
+{
+  control_noise noise;
+  force_rows rows;
+  noise_of_controls(model, k, k_ui, var_u, &noise);
+  rows.start = model->h.start;
+  rows.column = model->h.column;
+  for (int f = 0; f < model->forces; f++) {
+    for (int a = rows.start[f]; a < (int)rows.start[f + 1]; a++) {
+      rows.value[a] = of_magnet(model, k, f, a);
+    }
+  }
+  predict(model, &rows, &noise, k_ui, var_u, growth, cov, work);
+}
+
+/* Gradient of force f by all states, without zeros; returns how many entries there are then. */
+static int add_gradient(const amb_model *model, const amb_stiffness k[], int f,
+                        const amb_real gradient[], int count, unsigned short column[],
+                        amb_real value[])
+{
+  const amb_sparse *h = &model->h;
+  int next = h->start[f];
+  int now = count;
+  for (int j = 0; j < model->states; j++) {
+    amb_real sum = gradient[j];
+    if ((next < (int)h->start[f + 1]) && ((int)h->column[next] == j)) {
+      sum = of_magnet(model, k, f, next) + gradient[j];
+      next++;
+    }
+    if ((sum > AMB_C(0.0)) || (sum < AMB_C(0.0))) {
+      column[now] = (unsigned short)j;
+      value[now] = sum;
+      now++;
+    }
+  }
+  return now;
+}
+
+void amb_model_predict_with_forces(const amb_model *model, const amb_stiffness k[],
+                                   const amb_real row[], const amb_real variance[],
+                                   const amb_real k_ui[], const amb_real var_u[],
+                                   const amb_real growth[], amb_real cov[], amb_real work[])
+{
+  const int p = model->forces;
+  control_noise noise;
+  force_rows rows;
+  unsigned short start[AMB_FORCES + 1];
+  unsigned short column[AMB_FORCES * AMB_STATES];
+  noise_of_controls(model, k, k_ui, var_u, &noise);
+  start[0] = 0U;
+  for (int f = 0; f < p; f++) {
+    const int count =
+        add_gradient(model, k, f, &row[f * model->states], (int)start[f], column, rows.value);
+    start[f + 1] = (unsigned short)count;
+    for (int g = 0; g < p; g++) {
+      noise.variance[g][f] += variance[g * p + f];
+    }
+  }
+  rows.start = start;
+  rows.column = column;
+  predict(model, &rows, &noise, k_ui, var_u, growth, cov, work);
 }
 
 #endif

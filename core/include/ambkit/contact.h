@@ -65,6 +65,7 @@ AMB_EXTERN_C_BEGIN
 
 typedef struct amb_contact {
   int rings;                         /* 0 to AMB_FORCES */
+  int seen;                          /* number of first states with entries in h and h', > 0 */
   unsigned short first[AMB_FORCES];  /* first axis of a ring ... */
   unsigned short second[AMB_FORCES]; /* ... and second; equal to the first: a stop along it */
   amb_real clearance[AMB_FORCES];    /* [m], > 0 */

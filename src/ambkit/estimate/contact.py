@@ -108,6 +108,7 @@ class ContactKalmanFilter(Estimator):
             wider.get(state.role, 1.0) * cap
             for state, cap in zip(engine.states, settings["cap"], strict=True)
         ]
+        self.rings = [ring[:2] for ring in rings]
         table = np.array(rings, float).reshape(-1, 9).T
         first, second = np.ascontiguousarray(table[:2], np.uint16)
         bias = self.view.known_forces(self.magnet, weight=False)

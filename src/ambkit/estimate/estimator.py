@@ -90,6 +90,8 @@ class Estimator(AlongRecords, Described, Copyable):
     estimates_force = True  # whether it can estimate the disturbance force
     predicts = "force held, all else exact"  # description of its prediction for the export's README
     scale_std = 0.0  # assumed standard deviation of the magnet constant [1]
+    #: Axes of each ring whose forces its prediction of the covariance includes, if it does.
+    rings: Sequence[tuple[int, ...]] | None = None
     can_smooth = False  # whether mean and covariance follow the smoother's model
     #: Basis of its steady-state gain: a Riccati equation with the stiffnesses through the origin,
     #: or with the tangents; or the gain is constant. None: there is no steady state.

@@ -51,7 +51,8 @@ def c_model(
     names = emit.Names(model)
     what = "One axis" if filter.view.single else "A machine"
     about = f"{what}: {', '.join(state.name for state in model.states)}"
-    header = emit.header(names, about, by=f"ambkit {version('ambkit')}")
+    rings = filter.nominal.rings if names.p > 1 else None
+    header = emit.header(names, about, by=f"ambkit {version('ambkit')}", rings=rings)
     return CModel({LOOPS: None, BUILT_IN: header}, (), emit.constants(names, model), {}, {})
 
 

@@ -21,13 +21,21 @@ from ambkit.models.model import MATRICES, ZERO, Model
 
 Symbols = list[list[str | None]]
 
+Rings = Sequence[tuple[int, ...]] | None  #: Forces of each ring; None: they are not predicted.
 
-def predict_covariance(names: Names) -> str:
-    """Return the function that predicts the covariance."""
+OTHER_FORCES = (
+    "const amb_real row[AMB_FORCES * AMB_STATES]",
+    "const amb_real variance[AMB_FORCES * AMB_FORCES]",
+)
+"""Gradients of further forces by the states, and their covariances (``linear_forces.h``)."""
+
+
+def predict_covariance(names: Names, rings: Rings = None) -> str:
+    """Return the function that predicts the covariance, or that with forces of rings as well."""
     n, p, stages = range(names.n), range(names.p), Stages()
-    rows = [_force_row(names, f, stages) for f in p]
+    rows = [_force_row(names, f, stages, rings) for f in p]
     g = _gains(names, stages)
-    q = _force_noise(names, g, stages)
+    q = _force_noise(names, g, stages, rings)
     b = [names.entries("b", i) for i in n]
     w = [
         [
@@ -71,9 +79,10 @@ def predict_covariance(names: Names) -> str:
     stored = [f"cov[{at}] = {total(terms)};" for at, terms in enumerate(upper)]
     return names.function(
         "Eq. 10, A P A' + Q on the upper triangle, row by row.",
-        "predict_covariance",
+        "predict_covariance" if rings is None else "predict_with_forces",
         [
             "const amb_stiffness k[AMB_FORCES]",
+            *(() if rings is None else OTHER_FORCES),
             *(f"const amb_real {name}[AMB_CONTROLS]" for name in ("k_ui", "var_u")),
             f"const {GROWTH}",
             COV,
@@ -83,14 +92,17 @@ def predict_covariance(names: Names) -> str:
     )
 
 
-def _force_row(names: Names, f: int, stages: Stages) -> list[tuple[int, Factor]]:
+def _force_row(names: Names, f: int, stages: Stages, rings: Rings) -> list[tuple[int, Factor]]:
     """Return the entries of a linearised force by the state: k_s h + k_i e + r."""
     h, e, r = (dict(names.entries(name, f)) for name in "her")
+    collocated = {j for g in range(names.p) for j, _ in names.entries("r", g)}
+    others = set() if rings is None else {*h, *collocated}
     results: list[tuple[int, Factor]] = []
-    for j in sorted({*h, *e, *r}):
+    for j in sorted({*h, *e, *r, *others}):
         terms = [product(h[j], names.of_p("k_s", f))] if j in h else []
         terms += [product(e[j], names.of_p("k_i", f))] if j in e else []
         terms += [product(r[j])] if j in r else []
+        terms += [product(f"row[{f * names.n + j}]")] if j in others else []
         # a collocated input, with coefficient one
         single = len(terms) == 1 and not terms[0].symbols
         results.append((j, None if single else stages.add(names.of_force("h", f, j), terms)))
@@ -109,7 +121,7 @@ def _gains(names: Names, stages: Stages) -> Symbols:
     return gains
 
 
-def _force_noise(names: Names, g: Symbols, stages: Stages) -> Symbols:
+def _force_noise(names: Names, g: Symbols, stages: Stages, rings: Rings) -> Symbols:
     """Return q, the covariances of the forces due to the controls' noise: the upper triangle."""
     q: Symbols = [[None] * names.p for _ in range(names.p)]
     for i in range(names.p):
@@ -120,6 +132,8 @@ def _force_noise(names: Names, g: Symbols, stages: Stages) -> Symbols:
                 for var in [f"var_u[{at}]"]
                 if a is not None and b is not None
             ]
+            if any({i, j} <= set(ring) for ring in rings or ()):
+                terms.append(product(f"variance[{i * names.p + j}]"))
             q[i][j] = stages.add(names.of_force("q", i, j), terms)
     return q
 
@@ -191,6 +205,7 @@ def header(
     by: str = "ambkit",
     includes: Sequence[str] = (),
     more: str = "",
+    rings: Rings = None,
 ) -> str:
     """Return the header's text, with wrapped lines but not formatted."""
     guard = f"AMBKIT_GENERATED_{stem.upper()}_H"
@@ -214,6 +229,7 @@ def header(
         *(function(names) for function in SCALAR),
         f"{steps.uncorrelated(names)}#endif\n",
         *(function(names) for function in IN_LANES),
+        *([] if rings is None else [predict_covariance(names, rings)]),
         "#endif\n",
     ])  # fmt: skip
     return "\n".join(line for long in text.split("\n") for line in _wrapped(long))
