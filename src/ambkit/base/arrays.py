@@ -51,6 +51,28 @@ def block_means(values: Array, size: int, first: int = 0) -> Array:
     return np.asarray(values[first : first + count * size].reshape(count, size).mean(axis=1))
 
 
+def period_of(signal: Array, same: float) -> int | None:
+    """Return the period of a signal (n,) in samples, to a relative power; None if it has none."""
+    n, deviation = len(signal), signal - signal.mean()
+    size = 1 << (2 * n - 1).bit_length()
+    spectrum = np.fft.rfft(deviation, size)
+    common = np.fft.irfft(np.abs(spectrum) ** 2, size)[: n // 2 + 1]
+    power = np.concatenate([[0.0], np.cumsum(deviation**2)])
+    lag = np.arange(len(common))
+    both = (power[n] - power[lag]) + power[n - lag]  # of the overlap
+    with np.errstate(invalid="ignore", divide="ignore"):
+        differs = 1 - 2 * common / both
+    apart = np.flatnonzero(differs > 0.5)
+    if not len(apart):
+        return None
+    again = np.flatnonzero(differs[apart[0] :] < same)
+    if not len(again):
+        return None
+    # For a smooth signal the neighbouring lags are nearly as good.
+    start = int(apart[0] + again[0])
+    return start + int(np.argmin(differs[start : start + int(apart[0]) + 1]))
+
+
 def stretches(where: Bools) -> list[tuple[int, int]]:
     """Return start and end of each interval in which an array (n,) is true."""
     edges = np.flatnonzero(np.diff(np.r_[False, where, False]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ JUDGED = ("position", "velocity", "bending", "bending velocity", "disturbance fo
 """Roles of the states whose errors are reported."""
 
 
-def errors_along(
+def rms_errors(
     estimate: Estimate, record: Record, first: int = 0, end: int | None = None
 ) -> dict[str, float]:
     """Return root mean square errors of states against a record's truth, each in its unit."""
@@ -58,9 +59,14 @@ LAGS = 50  #: Lags of the test of whiteness.
 def whiteness(innovation: Array, lags: int = LAGS) -> Whiteness:
     """Autocorrelation test of an innovation sequence (Mehra 1970)."""
     e = innovation - innovation.mean()
-    power = float(e @ e)
-    correlation = np.array([float(e[lag:] @ e[:-lag]) / power for lag in range(1, lags + 1)])
-    return Whiteness(correlation, 1.96 / np.sqrt(len(e)))
+    return correlated(e, e, lags)
+
+
+def correlated(e: Array, w: Array, lags: int = LAGS) -> Whiteness:
+    """Correlate a sequence (n,) with the past of a white one (n,), both of zero mean."""
+    scale = math.sqrt(float(e @ e) * float(w @ w)) or math.inf  # zeros do not correlate
+    correlation = np.array([float(e[lag:] @ w[:-lag]) / scale for lag in range(1, lags + 1)])
+    return Whiteness(correlation, 1.96 / math.sqrt(len(e)))
 
 
 def prediction_error(predicted: Array, record: Record, ahead: int, skip: int = 0) -> float:

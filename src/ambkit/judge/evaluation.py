@@ -17,7 +17,7 @@ from ambkit.base.escaping import label, markdown
 from ambkit.data.record import Record
 from ambkit.data.record_card import lost_spans
 from ambkit.data.signals import by_name, signal, values_of
-from ambkit.estimate.errors import LAGS, errors_along, rms, true_signal, whiteness
+from ambkit.estimate.errors import LAGS, rms, rms_errors, true_signal, whiteness
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.estimate_panels import (
     contact_spans,
@@ -159,7 +159,7 @@ def evaluate(
         prediction={ahead: errors(predicted, ahead) for ahead, predicted in forecasts.items()},
         held={ahead: errors(last[:-ahead], ahead) for ahead in horizons},
         logged=logged_predictions(record, horizons, first=first),
-        rmse=errors_along(estimate, record, first),
+        rmse=rms_errors(estimate, record, first),
         disturbance_mean=by_name(axes, [float(load.mean()) for load in loads]),
         disturbance_std=by_name(axes, [float(load.std()) for load in loads]),
     )

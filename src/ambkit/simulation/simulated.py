@@ -15,7 +15,7 @@ from ambkit.base.units import figure
 from ambkit.control.control import Mode
 from ambkit.data.record import Record
 from ambkit.data.signals import by_name, signal
-from ambkit.estimate.errors import errors_along
+from ambkit.estimate.errors import rms_errors
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.registry import KINDS
 from ambkit.machine.axes import isolated_axes
@@ -102,7 +102,7 @@ class Run(Result):
         if self.estimate is None:
             return results
         units = self.estimate.units
-        errors = errors_along(self.estimate, record, *self._evaluated_samples)
+        errors = rms_errors(self.estimate, record, *self._evaluated_samples)
         results += [
             Row("estimator", "filter", self.estimate.estimator),
             Row("evaluated", "  evaluated", self._evaluated_part or None),

@@ -11,7 +11,7 @@ import numpy as np
 
 from ambkit.data.record import Record
 from ambkit.data.signals import by_name, signal, values_of
-from ambkit.estimate.errors import errors_along
+from ambkit.estimate.errors import rms_errors
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.judge.evaluation import Evaluation, filter_figure
@@ -97,7 +97,7 @@ class Filtering(Result):
         axes = self.machine.axis_names
         loads = [estimate[signal("f_d", axis)][first:] for axis in axes]
         return {
-            "rmse": errors_along(estimate, self.record, first),
+            "rmse": rms_errors(estimate, self.record, first),
             "disturbance_mean": by_name(axes, [float(load.mean()) for load in loads]),
             "disturbance_std": by_name(axes, [float(load.std()) for load in loads]),
         }

@@ -14,7 +14,7 @@ from ambkit.base.errors import RecordError
 from ambkit.data.reading.faults import spike_free
 from ambkit.data.record import Record
 from ambkit.estimate.constant_velocity import ConstantVelocityFilter, tune
-from ambkit.estimate.errors import LAGS, Whiteness, rms, whiteness
+from ambkit.estimate.errors import LAGS, Whiteness, correlated, rms, whiteness
 from ambkit.identification.maximum_likelihood.baselines import (
     AHEAD,
     FROM_THE_PAST,
@@ -243,12 +243,7 @@ def cross_correlation(residual: Array, u: Array) -> Whiteness:
     # white noise. residual (n,); u (n,)
     e = residual - residual.mean()
     w = _prewhitened(u)
-    e = e[e.size - w.size :]
-    scale = math.sqrt(float(e @ e) * float(w @ w))
-    if not scale > 0:
-        return Whiteness(np.zeros(LAGS), 1.96 / math.sqrt(e.size))
-    correlation = np.array([float(e[lag:] @ w[:-lag]) / scale for lag in range(1, LAGS + 1)])
-    return Whiteness(correlation, 1.96 / math.sqrt(e.size))
+    return correlated(e[e.size - w.size :], w)
 
 
 def predictable(residual: Array, u: Array) -> float:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.base.arrays import Array
+from ambkit.base.arrays import Array, period_of
 from ambkit.machine.machine import Machine
 from ambkit.simulation.scenario import Scenario
 
@@ -64,6 +64,7 @@ class Spread:
 
 
 CERTAIN = Spread()  #: No variation.
+ALIKE = 0.05  #: Relative power in which periods of a disturbance may differ.
 
 
 class Load:
@@ -76,7 +77,7 @@ class Load:
         from scipy.fft import next_fast_len, rfft
 
         n, deviation = signal.size, signal - signal.mean()
-        self.furthest = min(n // 8, period_of(signal) // 2)
+        self.furthest = min(n // 8, (period_of(signal, ALIKE) or n) // 2)
         self.moves = bool(np.ptp(signal) > 0)
         self.transform_size = next_fast_len(n, real=True)
         self.transform = rfft(deviation, self.transform_size)
@@ -87,29 +88,6 @@ class Load:
         variance = (squares[starts + length] - squares[starts]) / length - mean**2
         self.still = variance <= 1e-9 * variance.max()
         self.spread = np.sqrt(np.where(self.still, 1.0, variance))
-
-
-def period_of(signal: Array) -> int:
-    """Return the period of a signal in samples; its length if it has none."""
-    # signal (n,)
-    from scipy.signal import correlate
-
-    n = signal.size
-    s = signal - signal.mean()
-    squares = np.concatenate([[0.0], np.cumsum(s**2)])
-    if not squares[-1] > 0:
-        return n
-    lags = np.arange(n // 2)
-    energy = np.sqrt((squares[n] - squares[lags]) * squares[n - lags])
-    alike = correlate(s, s, method="fft")[n - 1 :][: n // 2] / np.maximum(energy, 1e-300)
-    apart = np.flatnonzero(alike < 0.5)
-    if apart.size == 0:
-        return n
-    again = apart[0] + np.flatnonzero(alike[apart[0] :] > 0.95)
-    if again.size == 0:
-        return n
-    end = again[0] + int(np.argmin(np.append(alike[again[0] :], 0.0) > 0.95))
-    return int(again[0] + np.argmax(alike[again[0] : max(end, again[0] + 1)]))
 
 
 def random_walk(rng: np.random.Generator, variance: float, n: int) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from ambkit.base.arrays import Array, Complex
+from ambkit.base.arrays import Array, Complex, period_of
 from ambkit.base.errors import RecordError
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
@@ -114,7 +114,7 @@ def measured_sensitivity(record: Record, logged: Logged = "after") -> MeasuredSe
     if not len(active) or not np.abs(added).max() > 0:
         raise RecordError("signal injected is 0 throughout")
     first, end = int(active[0]), int(active[-1]) + 1
-    T, period = record.sampling_time, _period(added[first:end])
+    T, period = record.sampling_time, period_of(added[first:end], SAME)
     count = 0 if period is None else (end - first) // period
     if period is not None and count >= LEAST_PERIODS:
         full_periods = slice(end - (count - 1) * period, end)
@@ -131,29 +131,6 @@ def measured_sensitivity(record: Record, logged: Logged = "after") -> MeasuredSe
             "a chirp or a binary sequence has"
         )
     return result
-
-
-def _period(values: Array) -> int | None:
-    """Return the period of a signal in samples; None if it has none."""
-    n = len(values)
-    size = 1 << (2 * n - 1).bit_length()
-    spectrum = np.fft.rfft(values - values.mean(), size)
-    common = np.fft.irfft(np.abs(spectrum) ** 2, size)[: n // 2 + 1]
-    power = np.concatenate([[0.0], np.cumsum((values - values.mean()) ** 2)])
-    lag = np.arange(len(common))
-    both = (power[n] - power[lag]) + power[n - lag]  # of the overlap
-    with np.errstate(invalid="ignore", divide="ignore"):
-        differs = 1 - 2 * common / both
-    apart = np.flatnonzero(differs > 0.1)
-    if not len(apart):
-        return None
-    again = np.flatnonzero(differs[apart[0] :] < SAME)
-    if not len(again):
-        return None
-    # For a smooth signal the neighbouring lags are nearly as good.
-    start = int(apart[0] + again[0])
-    beside = differs[start : start + int(apart[0]) + 1]
-    return start + int(np.argmin(beside))
 
 
 def _of_periods(added: Array, seen: Array, T: float) -> MeasuredSensitivity:
