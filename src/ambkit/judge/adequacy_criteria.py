@@ -20,7 +20,7 @@ from ambkit.estimate.machine_model import View
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.judge.load_following import LONGEST, STEP, following, operating_point, settling
 from ambkit.judge.loop.loop_builder import ZONES, LoopBuilder, zone_of
-from ambkit.judge.loop.margins import grid
+from ambkit.judge.loop.margins import axis_peaks
 from ambkit.judge.modal_reduction import reduction
 from ambkit.machine.axes import isolated_axes, load_capacity, weights_of
 from ambkit.machine.machine import Machine
@@ -324,16 +324,12 @@ def _margins(filter: Estimator, plant: Any, control: Any, own_control: bool) -> 
 
 
 def loop_peak(plant: Any, filter: Estimator, control: Any = None) -> float:
-    """Return the peak of abs(S) [1] on a coarse grid, infinite if the loop is unstable."""
+    """Return the peak of abs(S) of the axes [1], infinite if the loop is unstable."""
     of = LoopBuilder(plant, control, point=operating_point(plant))
     loop = of.loop(filter)
     # A pole on the unit circle belongs to states that a filter cannot distinguish, as unbalance and
     # runout at constant speed: it does not grow.
-    if loop.closed.unstable().size:
-        return math.inf
-    f = grid(loop, 60, 5)
-    along = loop.along_axes(np.append(f[f < of.top], of.top))
-    return float(np.abs(np.diagonal(along, axis1=1, axis2=2)).max())
+    return math.inf if loop.closed.unstable().size else float(axis_peaks(loop, of.top).max())
 
 
 def demands(plant: Any, scenario: Scenario) -> Iterator[Finding]:
