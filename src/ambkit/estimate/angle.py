@@ -165,9 +165,7 @@ def pulses_of(level: Array, T: float) -> Array:
     return result
 
 
-def estimate_angle(
-    machine: Machine, record: Record, *, precision: Precision = "float64"
-) -> AngleEstimate:
+def estimate_angle(machine: Machine, record: Record) -> AngleEstimate:
     """Estimate angle and speed of the rotor along a record.
 
     Parameters
@@ -177,15 +175,13 @@ def estimate_angle(
     record : Record
         With ``pulse`` [s] or ``keyphasor``, ``angle_reading`` [rad] or ``speed_reading`` [rad/s],
         depending on the sensor.
-    precision : {"float64", "float32"}
-        Precision of the core.
 
     Raises
     ------
     AmbkitError
         The machine has no angle sensor, or the record has no readings of it.
     """
-    estimate = AngleEstimate.of(machine, readings_of(machine, record), precision=precision)
+    estimate = AngleEstimate.of(machine, readings_of(machine, record))
     return replace(estimate, t=np.asarray(record.t))
 
 
