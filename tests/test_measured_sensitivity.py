@@ -12,9 +12,10 @@ from quick import quick
 import ambkit
 from ambkit import PID, Control, Machine, Record, Recorded, Scenario
 from ambkit.assessment.injection_experiment import design_injection
+from ambkit.base.arrays import period_of
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.identification.excitation.signals import multisine, prbs, sparse_multisine
-from ambkit.judge.loop.measured_sensitivity import _magnitudes, _period, measured_sensitivity
+from ambkit.judge.loop.measured_sensitivity import SAME, _magnitudes, measured_sensitivity
 from ambkit.simulation.run import simulate
 
 LATE = Machine.preset("zittau_axial").replace(delay=1.5e-4, amplifier__bandwidth=2000.0)
@@ -136,7 +137,7 @@ def test_the_signal_is_added_after_the_sensors_rounding():
     ],
 )
 def test_periods_are_found(values, period):
-    assert _period(values) == period
+    assert period_of(values, SAME) == period
 
 
 @pytest.mark.parametrize(
