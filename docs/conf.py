@@ -22,6 +22,8 @@ KERNELS = HERE / "_build" / "ipython"
 (KERNELS / "profile_default").mkdir(parents=True, exist_ok=True)
 (KERNELS / "profile_default" / "ipython_kernel_config.py").write_text(
     "c.IPKernelApp.log_level = 40\nc.HistoryManager.enabled = False\n"
+    # Figures have their layout; cutting their margins would draw each once more.
+    "c.InlineBackend.print_figure_kwargs = {'bbox_inches': None}\n"
 )
 os.environ["IPYTHONDIR"] = str(KERNELS)
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -21,7 +22,7 @@ from ambkit.control.control import as_control
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate, Status
-from ambkit.identification.excitation.signals import sparse_multisine
+from ambkit.identification.excitation.signals import Excitation, sparse_multisine
 from ambkit.judge.loop.loop_builder import ZONES, LoopBuilder, zone_of
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
@@ -296,16 +297,22 @@ class _NoiselessLoop:
         model = None if self.model is None else self.model.of_axis(self.axis, frequency)
         return Swept(amplitude, frequency, S, model, any(limited for _, limited in parts))
 
-    def multisine(self, amplitude: float) -> Swept:
-        """All frequencies at once."""
+    @cached_property
+    def _sines(self) -> tuple[Excitation, int, int]:
+        """All frequencies at once, with amplitude 1; its samples, and revolutions in them."""
         speed = (self.machine.speed or 0.0) / (2 * math.pi) if self.turns else 0.0
         turn = abs(speed) * self.T
         size = round(max(1, round(SIZE * turn)) / turn) if turn else SIZE  # whole turns
         band = SLOWEST / (size * self.T), 0.45 / self.T
         signal = sparse_multisine(size, self.T, band, per_decade=PER_DECADE["multisine"])
+        return signal, size, round(size * turn)
+
+    def multisine(self, amplitude: float) -> Swept:
+        """All frequencies at once."""
+        signal, size, turns = self._sines
         line = np.round(signal.frequencies * size * self.T).astype(int)
         S, limited = self.look(amplitude * signal.values, line)
-        separate = _separate_lines(line, round(size * turn))
+        separate = _separate_lines(line, turns)
         return self.swept(amplitude, signal.frequencies[separate], [(S[separate], limited)])
 
     def stepped(self, amplitude: float) -> Swept:

@@ -144,15 +144,12 @@ def assessed(name: str, loop: Loop, of: LoopBuilder) -> AssessedLoop:
     axes = {}
     for k, axis in enumerate(of.axes):
         seen = S[:, k, k]
-        peak, where = highest(partial(loop.of_axis, k), f[counts], seen[counts])
+        own = margins(loop, k, f, seen)
+        peak, where = own.peak, own.peak_frequency
+        if where > of.top:
+            peak, where = highest(partial(loop.of_axis, k), f[counts], seen[counts])
         axes[axis] = AssessedAxis(
-            axis,
-            margins(loop, k, f, seen),
-            peak,
-            where,
-            float(currents[k]),
-            float(noise[k]),
-            axis_demands[k],
+            axis, own, peak, where, float(currents[k]), float(noise[k]), axis_demands[k]
         )
     largest = highest(loop.largest_sensitivity, f, np.linalg.norm(S, 2, axis=(1, 2)))
     return AssessedLoop(name, loop, True, axes, largest, integral, of)

@@ -134,8 +134,10 @@ EDGE = 1e-9  #: Tolerance for a pole on the stability limit, as of an integrator
 
 
 def _pieces(places: NDArray[np.intp]) -> list[NDArray[np.intp]]:
-    """Yield indices in batches of at most `MOST_AT_ONCE`."""
-    return np.array_split(places, max(1, -(-len(places) // MOST_AT_ONCE)))
+    """Return indices in batches of at most `MOST_AT_ONCE`."""
+    if len(places) <= MOST_AT_ONCE:
+        return [places] if len(places) else []
+    return np.array_split(places, -(-len(places) // MOST_AT_ONCE))
 
 
 def _places(signals: Sequence[Signal], names: Sequence[str]) -> list[int]:

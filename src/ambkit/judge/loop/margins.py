@@ -51,29 +51,32 @@ def highest(
     return float(value[0]), float(place[0])
 
 
-TOPS, REFINED = 6, 32
-"""Number of highest peaks of a grid that are refined, and steps of golden section (Kiefer 1953)."""
+TOPS, PARTS, REFINED = 6, 5, 8
+"""Number of highest peaks of a grid that are refined, and how often each is divided in parts."""
 
 
 def tops_of(gain: Callable[[Array], Array], f: Array, seen: Array) -> tuple[Array, Array]:
     """Return the maxima of curves (n,), each refined between grid points, and their places."""
+    # Many frequencies at once cost little more than one; the last step is a parabola's vertex.
     # f, seen (n, m)
     beside = np.pad(seen, ((0, 0), (1, 1)), constant_values=-np.inf)
     tops = np.where((seen >= beside[:, :-2]) & (seen >= beside[:, 2:]), seen, -np.inf)
     best = np.argsort(-tops, axis=1, kind="stable")[:, :TOPS]
-    low = np.take_along_axis(f, np.maximum(best - 1, 0), axis=1)
-    high = np.take_along_axis(f, np.minimum(best + 1, f.shape[1] - 1), axis=1)
-    share = (math.sqrt(5) - 1) / 2
-    a, b = high - share * (high - low), low + share * (high - low)
-    at_a, at_b = gain(a), gain(b)
+    ends = np.stack([np.maximum(best - 1, 0), np.minimum(best + 1, f.shape[1] - 1)])
+    row = np.arange(len(f))[:, None]
+    (low, high), (at_low, at_high) = f[row, ends], seen[row, ends]
+    shares = np.linspace(0, 1, PARTS + 1)
     for _ in range(REFINED):
-        left = at_a > at_b
-        low, high = np.where(left, low, a), np.where(left, b, high)
-        new = np.where(left, high - share * (high - low), low + share * (high - low))
-        at_new = gain(new)
-        a, b = np.where(left, new, b), np.where(left, a, new)
-        at_a, at_b = np.where(left, at_new, at_b), np.where(left, at_a, at_new)
-    f, seen = np.hstack([f, 0.5 * (low + high)]), np.hstack([seen, gain(0.5 * (low + high))])
+        places = low[..., None] + (high - low)[..., None] * shares
+        inner = gain(places[..., 1:-1].reshape(len(f), -1)).reshape(*low.shape, -1)
+        gains = np.concatenate([at_low[..., None], inner, at_high[..., None]], axis=-1)
+        top = inner.argmax(axis=-1)[..., None] + np.arange(3)
+        low, middle, high = np.moveaxis(np.take_along_axis(places, top, -1), -1, 0)
+        at_low, at_middle, at_high = np.moveaxis(np.take_along_axis(gains, top, -1), -1, 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        off = (at_high - at_low) / (2 * at_middle - at_low - at_high)
+    vertex = middle + 0.25 * (high - low) * np.clip(np.where(np.isfinite(off), off, 0.0), -2, 2)
+    f, seen = np.hstack([f, vertex, middle]), np.hstack([seen, gain(vertex), at_middle])
     at = np.argmax(seen, axis=1)[:, None]
     return np.take_along_axis(seen, at, 1)[:, 0], np.take_along_axis(f, at, 1)[:, 0]
 
@@ -177,13 +180,16 @@ def margins(
     f = grid(loop) if f is None else f
     there = loop.of_axis(axis, f) if seen is None else seen
 
+    single = loop.measurements == 1 and loop.shown is None
+    open_there = loop.open(f)[:, 0, 0] if single else 1 / there - 1
+
     def S(at: Array) -> Complex:
         return there if at is f else loop.of_axis(axis, at)
 
     def L(at: Array) -> Complex:
-        if loop.measurements == 1 and loop.shown is None:
-            return loop.open(at)[:, 0, 0]
-        return np.asarray(1 / S(at) - 1)
+        if at is f:
+            return np.asarray(open_there)
+        return loop.open(at)[:, 0, 0] if single else np.asarray(1 / S(at) - 1)
 
     ends = [complex(value) for value in L(f[[0, -1]])]
     real = [at.real for at in ends if abs(at.imag) < 1e-3 * abs(at.real)]

@@ -13,10 +13,10 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
-from scipy.spatial import cKDTree
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
@@ -194,7 +194,7 @@ class FieldSolver:
         a, middle, b = nodes[sides[inside[sides].all(axis=1)]].T
         t = np.linspace(0, 1, 17)[:, None]
         on = (a * (1 - t) * (1 - 2 * t) + middle * 4 * t * (1 - t) + b * t * (2 * t - 1)).ravel()
-        tree = cKDTree(flat(on))
+        tree = scipy.spatial.cKDTree(flat(on))
         far = tree.query(flat(nodes))[0]
         return np.where(inside, 0.0, far)
 

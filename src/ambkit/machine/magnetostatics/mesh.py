@@ -9,8 +9,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import scipy  # its `spatial` is loaded by the first mesh, not by each command
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay, cKDTree
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
@@ -46,7 +46,7 @@ def mesh_of(layout: Layout, fineness: float = 1.0, skin: float | None = None) ->
     points, edges = checked_outlines(layout)
     size = _sizes(layout, fineness, skin)
     points, edges = _refined(points, edges, layout.circles, size)
-    triangles = Delaunay(flat(points)).simplices.astype(np.intp)
+    triangles = scipy.spatial.Delaunay(flat(points)).simplices.astype(np.intp)
     corners = points[triangles]
     turn = np.imag(np.conj(corners[:, 1] - corners[:, 0]) * (corners[:, 2] - corners[:, 0]))
     triangles[turn < 0] = triangles[turn < 0][:, ::-1]
@@ -119,10 +119,10 @@ def _sizes(layout: Layout, fineness: float, skin: float | None) -> Size:
             for start, along in zip(a, step, strict=True)
         ]
     moving, fixed = (np.concatenate(parts[key]) for key in (True, False))
-    to_moving, to_fixed = cKDTree(flat(moving)), cKDTree(flat(fixed))
+    to_moving, to_fixed = scipy.spatial.cKDTree(flat(moving)), scipy.spatial.cKDTree(flat(fixed))
     rim = np.concatenate([moving, fixed])
     width = np.concatenate([to_fixed.query(flat(moving))[0], to_moving.query(flat(fixed))[0]])
-    tree = cKDTree(flat(rim))
+    tree = scipy.spatial.cKDTree(flat(rim))
     sharp = np.concatenate(corners)
     beside = width[tree.query(flat(sharp))[1]]
 
@@ -157,7 +157,7 @@ def _refined(
     for _ in range(ROUNDS):
         middle = _middle(points, edges, circles)
         half = 0.5 * np.abs(points[edges[:, 1]] - points[edges[:, 0]])
-        tree = cKDTree(flat(points))
+        tree = scipy.spatial.cKDTree(flat(points))
         far, near = tree.query(flat(middle), k=3)
         other = (near != edges[:, :1]) & (near != edges[:, 1:])
         split = (2 * half > size(middle)) | (other & (far < 0.999 * half[:, None])).any(axis=1)
@@ -165,7 +165,7 @@ def _refined(
             new = _circumcentres(points, size)
             if not len(new):
                 return points, edges
-            ends = cKDTree(flat(middle))
+            ends = scipy.spatial.cKDTree(flat(middle))
             near = np.asarray(ends.query(flat(new), k=min(4, len(middle)))[1], dtype=np.intp)
             inside = np.abs(new[:, None] - middle[near]) < half[near]
             split[near[inside]] = True
@@ -186,7 +186,7 @@ def _refined(
 
 def _circumcentres(points: Points, size: Size) -> Points:
     """Return circumcentres of triangles that are too large or too flat, with a minimum distance."""
-    triangles = Delaunay(flat(points)).simplices
+    triangles = scipy.spatial.Delaunay(flat(points)).simplices
     a, b, c = points[triangles].T
     u, v = b - a, c - a
     double = 2 * np.imag(np.conj(u) * v)
@@ -202,7 +202,7 @@ def _circumcentres(points: Points, size: Size) -> Points:
     centre, radius = centre[order], radius[order]
     keep = np.ones(len(centre), dtype=bool)
     if len(centre) > 1:
-        tree = cKDTree(flat(centre))
+        tree = scipy.spatial.cKDTree(flat(centre))
         for number, near in enumerate(tree.query_ball_point(flat(centre), 0.9 * radius)):
             if keep[number]:
                 keep[[other for other in near if other > number]] = False
