@@ -227,13 +227,15 @@ def _eliminate(results: Sequence[Candidate]) -> None:
         if answers(a, b) > least and is_control(b, a) and rate_likeness(a, b) < FOLLOWS
         and feeds(a, b) and not feeds(b, a)
     ]  # fmt: skip
-    several = len({id(c) for pair in loops for c in pair}) < 2 * len(loops)  # or estimates
-    if not loops or (several and y is None and mover is None):
+    # Of more than two channels without a name, a velocity and a duty may go so, too.
+    if not loops or (y is None and mover is None and len(of) > 2):
         return
     a, b = max(loops, key=lambda pair: answers(*pair))
     a.role, b.role = "y", "u" if b.role in ("", "y") else b.role
-    for c, known, why in ((a, y, f"{b.label} carries"), (b, mover, f"carries {a.label}'s")):
-        c.why += [] if c is known else [f"{why} its noise, as a control does"]
+    if a is not y:
+        a.why.append(f"{b.label} carries its noise, as a control does")
+    if b is not mover:
+        b.why.append(f"carries the noise of {a.label}, as a control does")
     if a is not y and b is not mover:
         a.rivals.append((b, "no name says so; the second carries the noise of the first"))
 
