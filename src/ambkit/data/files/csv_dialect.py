@@ -187,21 +187,7 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
         rows = [(n, row[:-1] if len(row) > width else row) for n, row in rows]
         with_numbers = [row for _, row in rows if any(_is_number(c, decimal) for c in row)]
     full_rows = _few([row for row in with_numbers if len(row) == width])
-    numeric = [
-        k
-        for k in range(width)
-        if sum(number_of(row[k], decimal) is not None for row in full_rows) > 0.5 * len(full_rows)
-        and any(_is_number(row[k], decimal) for row in full_rows)
-    ]
-
-    known = set(numeric)
-    stamps = tuple(
-        k
-        for k in range(width)
-        if k not in known
-        and sum(bool(layouts(row[k])) for row in full_rows)
-        > 0.5 * sum(bool(row[k]) for row in full_rows)
-    )
+    numeric, stamps = _columns(full_rows, width, decimal)
     places = tuple(numeric)
 
     def holds_numbers(row: list[str]) -> bool:
@@ -244,6 +230,25 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
     body = rows[last + 1][0]
     place = rows[header][0]
     return Dialect(separator, decimal, names, units, place, body, places, closed, stamps, header)
+
+
+def _columns(
+    rows: Sequence[list[str]], width: int, decimal: str
+) -> tuple[list[int], tuple[int, ...]]:
+    """Return the columns of numbers, and those of times of day, by rows of this width."""
+    numeric = [
+        k
+        for k in range(width)
+        if sum(number_of(row[k], decimal) is not None for row in rows) > 0.5 * len(rows)
+        and any(_is_number(row[k], decimal) for row in rows)
+    ]
+    stamps = tuple(
+        k
+        for k in range(width)
+        if k not in numeric
+        and sum(bool(layouts(row[k])) for row in rows) > 0.5 * sum(bool(row[k]) for row in rows)
+    )
+    return numeric, stamps
 
 
 def _named_by_pairs(rows: Sequence[list[str]]) -> tuple[str, ...]:
