@@ -323,9 +323,9 @@ static void next_column(const amb_model *model, int j, const amb_real k_ui[], co
   add_up(&sum, n, j + 1, column);
 }
 
-static void predict(const amb_model *model, const force_rows *rows, const control_noise *noise,
-                    const amb_real k_ui[], const amb_real var_u[], const amb_real growth[],
-                    amb_real cov[], amb_real work[])
+static void propagate(const amb_model *model, const force_rows *rows, const control_noise *noise,
+                      const amb_real k_ui[], const amb_real var_u[], const amb_real growth[],
+                      amb_real cov[], amb_real work[])
 {
   const int n = model->states;
   const workspace room = parts_of(model, work);
@@ -377,7 +377,7 @@ void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[
       rows.value[a] = of_magnet(model, k, f, a);
     }
   }
-  predict(model, &rows, &noise, k_ui, var_u, growth, cov, work);
+  propagate(model, &rows, &noise, k_ui, var_u, growth, cov, work);
 }
 
 /* Gradient of force f by all states, without zeros; returns how many entries there are then. */
@@ -425,7 +425,7 @@ void amb_model_predict_with_forces(const amb_model *model, const amb_stiffness k
   }
   rows.start = start;
   rows.column = column;
-  predict(model, &rows, &noise, k_ui, var_u, growth, cov, work);
+  propagate(model, &rows, &noise, k_ui, var_u, growth, cov, work);
 }
 
 #endif
