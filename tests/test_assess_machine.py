@@ -62,7 +62,7 @@ def test_an_axis_is_looked_at_where_its_controller_takes_its_position():
     assert loop.axes == 4
     P, K, m = of.plant, loop.compensator, 8
     seen = replace(
-        P, C=np.vstack([of.shown @ P.C[:m], P.C[m:]]), D=np.zeros((8, 8)),
+        P, C=np.vstack([of.measured @ P.C[:m], P.C[m:]]), D=np.zeros((8, 8)),
         outputs=(*P.outputs[:4], *P.outputs[m:]),
     )  # fmt: skip
     back = of.added  # the shown positions, spread over the readings

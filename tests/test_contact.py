@@ -148,7 +148,7 @@ def test_it_is_the_textbook_s_filter_with_a_spring(stiffness, damping):
     """Also of a stop whose contacts are shorter than a few samples, in parts of a sample."""
     machine = AXIS.replace(stop={"stiffness": stiffness, "damping": damping})
     record = pressed(machine, 2, 0.2)
-    kf = ambkit.ContactKalmanFilter(machine, noise=NOISE, frozen_limit=0, gate=1e6)
+    kf = ambkit.ContactKalmanFilter(machine, scatter=0.1, noise=NOISE, frozen_limit=0, gate=1e6)
     kf.reset(kf.equilibrium_state(record["y"][0], record["y"][0]))
     means, P = textbook(kf, record)
     history = kf.core.run(record["y"], record["u"], covariance=True)

@@ -305,7 +305,7 @@ def test_a_pid_sees_a_sum_of_readings(feedback):
         at = [r.name for r in HINDAWI.readings].index
         seen = np.zeros(len(gains))
         seen[at("A1")], seen[at("B1")] = 0.4 / gains[at("A1")], 0.6 / gains[at("B1")]
-        np.testing.assert_allclose(law.shown[0], seen)
+        np.testing.assert_allclose(law.measured[0], seen)
     else:
         C = KalmanFilter(HINDAWI).view.C
         names = [r.name for r in HINDAWI.readings]

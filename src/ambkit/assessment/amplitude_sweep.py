@@ -267,7 +267,7 @@ class _NoiselessLoop:
         if single:
             return run.record["y"], limited
         y = np.column_stack([run.record[signal("y", r.name)] for r in of.machine.readings])
-        return y @ of.shown[self.axis], limited
+        return y @ of.measured[self.axis], limited
 
     def look(self, period: Array, line: NDArray[np.int_]) -> tuple[Complex, bool]:
         """Inject whole periods, and return S at lines of their spectrum."""

@@ -244,7 +244,7 @@ class _Experiment:
         hum = [line.frequency for sensor in sensors for line in sensor.hum]
         peak = self.loop.axes[list(self.loop.axes)[k]].peak_frequency
         m, p = loop.measurements, len(of.isolated)
-        seen, shaken = of.shown[k], of.added[:, k]
+        seen, shaken = of.measured[k], of.added[:, k]
         if not self.axis:  # the only reading
             seen = shaken = np.ones(1)
 

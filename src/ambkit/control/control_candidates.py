@@ -194,8 +194,8 @@ class _AtSpeed:
     def __init__(self, machine: Machine, point: OperatingPoint, speed: float) -> None:
         self.machine, self.point = machine.model_copy(update={"speed": speed}), point
         self.system = plant(self.machine, point)
-        self.shown = View(machine).measured
-        self.added = np.asarray(np.linalg.pinv(self.shown))
+        self.measured = View(machine).measured
+        self.added = np.asarray(np.linalg.pinv(self.measured))
 
     @cached_property
     def estimate(self) -> LinearSystem:
@@ -215,8 +215,8 @@ class _AtSpeed:
             outputs = control.inputs[: len(rows)]
             inner = replace(E, C=rows @ E.C, D=rows @ E.D, outputs=outputs)
         m = len(self.machine.readings)
-        K = compensator(control, inner, control_law.shown, system.outputs[:m])
-        loop = Loop(system, K, m, self.shown, self.added)
+        K = compensator(control, inner, control_law.measured, system.outputs[:m])
+        loop = Loop(system, K, m, self.measured, self.added)
         return highest_sensitivity(loop, max_frequency(loop.T, self.machine.speed))
 
 
@@ -226,7 +226,7 @@ def highest_sensitivity(loop: Loop, top: float) -> float:
     poles, V = np.linalg.eig(closed.A)
     if not (np.abs(poles) < 1).all():
         return math.inf
-    of: Any = loop.shown
+    of: Any = loop.measured
     to: Any = loop.added
     residues = (of @ closed.C[:m] @ V) * np.linalg.solve(V, closed.B[:, :m] @ to).T
     through = np.diag(of @ (np.eye(m) + closed.D[:m, :m]) @ to)

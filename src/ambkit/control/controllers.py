@@ -44,7 +44,7 @@ class Controllers:
     of_axes: Array  #: (q, p) Input of each PID, by the axes' displacements.
     spread: Array  #: (p, q) Current of each axis [A] by those of the PIDs [A].
     lead: Array  #: (q,) Change of each integral per metre of reference [A/m].
-    shown: Array  #: (q, m) Input of each PID by the readings, if these feed it.
+    measured: Array  #: (q, m) Input of each PID by the readings, if these feed it.
     feedback: dict[str, Array] = field(default_factory=dict)  #: (q, n), (p, n) By name.
     unbalance_control: UnbalanceControl | None = None  #: Synchronous motion that is not controlled.
     schedule: GainSchedule | None = None  #: Of the PIDs' gains, over the speed of rotation.
@@ -165,7 +165,7 @@ def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) 
     ) | {name: values.ravel().tolist() for name, values in controllers.feedback.items()}
     is_single = np.array_equal(controllers.of_axes, np.eye(1))
     return (
-        {"position": controllers.shown.ravel().tolist()}
+        {"position": controllers.measured.ravel().tolist()}
         | feedback_fields
         | unbalance_control_fields(controllers.unbalance_control)
         | schedule_fields(controllers.schedule)

@@ -51,10 +51,10 @@ class Sensitivities:
         f = _frequencies(machine, P)
         self.T, self.z = machine.sampling_time, np.exp(2j * np.pi * f * machine.sampling_time)
         self.volts = np.array([1 / b.amplifier.gain for b in isolated_axes(machine)])
-        self.shown = View(machine).measured
-        self.added = np.linalg.pinv(self.shown)
+        self.measured = View(machine).measured
+        self.added = np.linalg.pinv(self.measured)
         self.plant = P.response(f)[:, :m, :p]
-        self.seen = self.shown @ self.plant
+        self.seen = self.measured @ self.plant
         self.estimator: tuple[Complex, Complex] | None = None
         if estimated:
             E = estimator_at(KalmanFilter(machine), point).response(f)
@@ -72,7 +72,7 @@ class Sensitivities:
             by_u, by_y = (x[:, :, None] * E[:, :p] + v[:, None] * E[:, p:] for E in (of_u, of_y))
             fed = np.linalg.solve(np.eye(p) + by_u, by_y)
             m = self.plant.shape[1]
-            S = self.shown @ np.linalg.inv(np.eye(m) + self.plant @ fed) @ self.added
+            S = self.measured @ np.linalg.inv(np.eye(m) + self.plant @ fed) @ self.added
         return np.asarray(np.abs(np.einsum("kii->ki", S)).max(axis=0))
 
 

@@ -48,9 +48,10 @@ class ContactKalmanFilter(Estimator):
         Machine to estimate.
     magnet : optional
         Force law; by default the closed one.
-    scatter : float
+    scatter : float, optional
         Standard deviation of the contact force over a sample, relative to it [1], in addition to
-        the effect of the uncertain penetration.
+        the effect of the uncertain penetration. By default 1.25 over the samples that
+        the shortest contact lasts, from 0.02 to 0.1.
     **options
         As for :class:`KalmanFilter`.
 
@@ -74,12 +75,15 @@ class ContactKalmanFilter(Estimator):
         machine: Machine,
         magnet: MagnetModel | None = None,
         *,
-        scatter: float = 0.1,
+        scatter: float | None = None,
         **options: Any,
     ) -> None:
-        if not (math.isfinite(scatter) and scatter >= 0):
+        if scatter is not None and not (math.isfinite(scatter) and scatter >= 0):
             raise ValueError(f"scatter must be 0 or more, got {scatter!r}")
-        self._scatter = scatter
+        # The force of a long contact hardly changes within a sample; limits chosen by truth.
+        self._shortest = min(samples_of_contact(machine))
+        by_length = min(max(1.25 / self._shortest, 0.02), 0.1)
+        self._scatter = by_length if scatter is None else scatter
         super().__init__(machine, magnet, **options)
 
     def _arguments(self, engine: Engine, settings: dict[str, Any]) -> Arguments:
@@ -115,8 +119,7 @@ class ContactKalmanFilter(Estimator):
         later, coupling = self._later(engine), responses / mobility[:, None]
         of_core = table[2:], displacement, velocity + loads, later, coupling, bias
         arrays = (np.ascontiguousarray(one, dtype) for one in of_core)
-        brief = min(samples_of_contact(self.machine)) < RESOLVED
-        return (first, second, *arrays, brief, self._scatter), {}
+        return (first, second, *arrays, self._shortest < RESOLVED, self._scatter), {}
 
     def _later(self, engine: Engine) -> Array:
         """Return responses to -1 N in the first half of a sample and 1 N in the second (p, n)."""

@@ -83,7 +83,7 @@ def tune(
     from ambkit.workflow import tune
 
     task = tuning_arguments(machine, records, filter, controller, channels)
-    with progress("tuning", budget) as done:
+    with progress("tuning", budget, unit="evaluations") as done:
         result = tune.tune(
             task.machine, task.records, task.kind, validate=task.others(validate),
             max_sensitivity=max_sensitivity, controller=task.controller, free=free,
@@ -136,7 +136,7 @@ def tune_trade_off(
     from ambkit.workflow import trade_off
 
     task = tuning_arguments(machine, records, filter, controller, channels)
-    with progress("tuning", budget * len(peaks)) as done:
+    with progress("tuning", budget * len(peaks), unit="evaluations") as done:
         return trade_off.trade_off(
             task.machine, peaks, task.records, task.kind, controller=task.controller,
             magnet=task.magnet, seeds=seeds_in(seeds), budget=budget, done=done,

@@ -52,9 +52,6 @@ AT_THE_END = 0.02
 """Share of the range, in its logarithm, within which a value has run into its end."""
 
 
-UNITS = EVALUATED | {RAW.removeprefix("error of "): "m"}
-"""Of the errors of a tuning, by what errs."""
-
 VALUES, VALIDATION = ("values",), ("unseen",)  #: Sections of a tuning.
 
 
@@ -157,10 +154,12 @@ class Tuned(Result):
             for item in self.free
             for value in [float(values.get(item.name, item.default))]
         ]  # fmt: skip
+        raw = {RAW.removeprefix("error of "): "m"}
+        units = {state.name: state.unit for state in self.estimator.states} | EVALUATED | raw
         for name, pair in self.unseen.items():
             what, _, unit = name.removesuffix("]").partition(" [")
             what = "mean NIS" if what == "nis" else what
-            unit = unit or UNITS.get(name.removeprefix("error of "), "1")
+            unit = unit or units.get(name.removeprefix("error of "), "1")
             for of, figure in zip(("untuned", "tuned"), pair, strict=True):
                 results.append(Row(name, what, figure, unit, of=of, section=VALIDATION))
         peaks = (("untuned", self.untuned_peak), ("taken", self.peak))

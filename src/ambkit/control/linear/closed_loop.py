@@ -19,7 +19,9 @@ class Loop:
     plant: LinearSystem
     compensator: LinearSystem  #: Inputs: m measurements, references [m]; outputs: u [V].
     measurements: int = 1  #: m.
-    shown: Array | None = None  #: (a, m) Axes' displacements by the measurements; None: identity.
+    measured: Array | None = (
+        None  #: (a, m) Axes' displacements by the measurements; None: identity.
+    )
     added: Array | None = None  #: (m, a) Measurements by the signals added at the axes.
 
     @property
@@ -60,7 +62,7 @@ class Loop:
     @property
     def axes(self) -> int:
         """Number a of axes."""
-        return self.measurements if self.shown is None else len(self.shown)
+        return self.measurements if self.measured is None else len(self.measured)
 
     @cached_property
     def is_stable(self) -> bool:
@@ -94,9 +96,9 @@ class Loop:
         # Its diagonal is the sensitivity of each axis with all other loops closed.
         # frequency (k,) [Hz]
         S = self.sensitivity(frequency)
-        if self.shown is None or self.added is None:
+        if self.measured is None or self.added is None:
             return S
-        return np.asarray(self.shown @ S @ self.added)
+        return np.asarray(self.measured @ S @ self.added)
 
     def of_axis(self, axis: int, frequency: ArrayLike) -> Complex:
         """Return S (k,) of one axis with all other loops closed [1]."""

@@ -148,7 +148,7 @@ class _Loops:
             E = None if measured else self._filter(parts)
             for by in gains:
                 law = self._law(by)
-                K = compensator(law, E, self.controller.law.shown, readings)
+                K = compensator(law, E, self.controller.law.measured, readings)
                 loop = self.of.around(K)
                 worst = max(worst, highest_sensitivity(loop, loop.nyquist))
                 if not worst <= most:

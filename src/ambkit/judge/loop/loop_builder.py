@@ -95,8 +95,8 @@ class LoopBuilder:
         self._law = law
         self.axes = tuple(axis.name or "x" for axis in self.machine.axes)
         self.point = point or OperatingPoint.of_machine(self.machine, load, x)
-        self.shown = View(self.machine).measured
-        self.added = np.asarray(np.linalg.pinv(self.shown), float)
+        self.measured = View(self.machine).measured
+        self.added = np.asarray(np.linalg.pinv(self.measured), float)
         self.plant = plant(self.machine, self.point)
         self.top = max_frequency(self.machine.sampling_time, self.machine.speed)
 
@@ -111,12 +111,12 @@ class LoopBuilder:
 
     def least(self) -> tuple[float, float]:
         """Return the least peaks of S and T of any controller [1]; see `least_peaks`."""
-        p, m = len(self.isolated), len(self.shown[0])
+        p, m = len(self.isolated), len(self.measured[0])
         u, y = ([at.name for at in of] for of in (self.plant.inputs[:p], self.plant.outputs[:m]))
         from_u = self.plant.select(y, u)
         names = tuple(Signal(axis, "m") for axis in self.axes)
         return least_peaks(
-            replace(from_u, C=self.shown @ from_u.C, D=self.shown @ from_u.D, outputs=names)
+            replace(from_u, C=self.measured @ from_u.C, D=self.measured @ from_u.D, outputs=names)
         )
 
     def control_for(self, estimator: Any) -> Control:
@@ -211,14 +211,14 @@ class LoopBuilder:
 
     def loop(self, estimator: Estimator | None = None) -> Loop:
         """Return the loop with an estimator, or with the measurement, feeding the controllers."""
-        m = len(self.shown[0])
+        m = len(self.measured[0])
         inner, control, transform = self._by_states(estimator)
         K = compensator(control, inner, transform, self.plant.outputs[:m])
         return self.around(K)
 
     def around(self, compensator: LinearSystem) -> Loop:
         """Return the loop with another compensator, from the measurements to u."""
-        return Loop(self.plant, compensator, len(self.shown[0]), self.shown, self.added)
+        return Loop(self.plant, compensator, len(self.measured[0]), self.measured, self.added)
 
     def _by_states(
         self, estimator: Estimator | None
@@ -226,7 +226,7 @@ class LoopBuilder:
         """Return estimator, controllers, and the controllers' inputs by the readings (q, m)."""
         control_law = self.controllers_with(estimator)
         control = controllers(control_law, self.machine, measured=estimator is None)
-        transform = control_law.shown
+        transform = control_law.measured
         if estimator is None:
             return None, control, transform
         if control_law.unbalance_control is not None:
@@ -271,8 +271,10 @@ class LoopBuilder:
             result = hinf(of.plant.select([of.plant.outputs[0].name], [of.plant.inputs[0].name]))
             gain = b.sensor.gain  # fed by the position
             parts.append(replace(result, B=gain * result.B, D=gain * result.D))
-        K = block_diagonal(parts, self.shown, self.machine.axis_names)
-        K = replace(K, inputs=(*self.plant.outputs[: len(self.shown[0])], *K.inputs[-len(parts) :]))
+        K = block_diagonal(parts, self.measured, self.machine.axis_names)
+        K = replace(
+            K, inputs=(*self.plant.outputs[: len(self.measured[0])], *K.inputs[-len(parts) :])
+        )
         return self.around(K)
 
     def noise(self) -> tuple[list[float], list[float]]:

@@ -89,7 +89,7 @@ def axis_peaks(loop: Loop, top: float) -> Array:
     """Return the peaks of abs(S) of a stable loop's axes (a,) up to a frequency [Hz]."""
     closed, m = loop.closed, loop.measurements
     to: Any = np.eye(m) if loop.added is None else loop.added
-    seen: Any = np.eye(m) if loop.shown is None else loop.shown
+    seen: Any = np.eye(m) if loop.measured is None else loop.measured
     B, C = closed.B[:, :m] @ to, seen @ closed.C[:m]
     through = np.diag(seen @ (np.eye(m) + closed.D[:m, :m]) @ to)
     # Opened at one axis: its position is fed back with the opposite sign.
@@ -180,7 +180,7 @@ def margins(
     f = grid(loop) if f is None else f
     there = loop.of_axis(axis, f) if seen is None else seen
 
-    single = loop.measurements == 1 and loop.shown is None
+    single = loop.measurements == 1 and loop.measured is None
     open_there = loop.open(f)[:, 0, 0] if single else 1 / there - 1
 
     def S(at: Array) -> Complex:
