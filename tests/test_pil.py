@@ -66,6 +66,9 @@ FLOWN = {
     "a run-up, let turn": (
         TURNED.replace(controller=Control(unbalance="force-free")), {"synchronous": ["unbalance"]},
     ),
+    "pulses": (
+        TURNED.replace(speed=None), {"synchronous": ["unbalance"]},
+    ),
     "a power failure": (TURNED.replace(speed=None, off=0.03, on=0.032), {}),
 }  # fmt: skip
 OUTAGE = [
@@ -79,6 +82,8 @@ OUTAGE = [
 def test_a_whole_machine_is_flown_with_the_bits_of_the_simulation(name, tmp_path):
     flight, options = FLOWN[name]
     machine, of = Machine.preset("tum_mlps"), KalmanFilter
+    if name == "pulses":
+        machine = machine.replace(angle={"type": "pulses", "angle_noise": 0.03, "latency": 1e-4})
     if flight.off is not None:
         machine, of = with_stop(machine, 1e9), ContactKalmanFilter
     of(machine, **options).save(tmp_path / "filter.toml")

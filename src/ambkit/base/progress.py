@@ -97,7 +97,8 @@ def _in_lines(what: str, total: int | None, unit: str, begun: int) -> Step:
             if time.monotonic() - last < _LINES_APART:
                 return
             last = time.monotonic()
-            parts = filter(None, (what, text if text != what else "", rate_text))
+            named = text if text.startswith(what) else ": ".join(filter(None, (what, text)))
+            parts = filter(None, (named, rate_text))
             print(escaping.one_line(": ".join(parts)), file=sys.stderr, flush=True)
 
     return tell

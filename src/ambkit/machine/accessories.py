@@ -213,3 +213,8 @@ class AngleSensor(Part):
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         if read("type") == "pulses" and read("gain_error") > 0:
             yield "gain_error", 'is of a "speed" signal; pulses have none'
+
+
+def rotation_signal(angle: AngleSensor | None) -> str:
+    """Return the signal that a controller reads of the rotation: the sensor's, or the speed."""
+    return "speed" if angle is None else angle.channel[0]

@@ -15,6 +15,7 @@ from ambkit.estimate.estimate import Status
 from ambkit.export.c import c_literals
 from ambkit.export.c.snapshots import Snapshots, snapshots_of
 from ambkit.export.c.test_vectors import flag_rows, without_digits
+from ambkit.machine.accessories import rotation_signal
 from ambkit.machine.machine import Machine
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
@@ -103,7 +104,7 @@ def vectors(controller: Controller, scenario: Scenario) -> Vectors:
         assert run.usable is not None
         mode = record["mode"].astype(np.uint8)
         fly = case.fly > 0
-        speed = record["speed" if machine.angle is None else machine.angle.channel[0]]
+        speed = record[rotation_signal(machine.angle)]
         on = energised(case.scenario.off, case.scenario.on, record.t, machine.sampling_time) > 0
         part = (y, r, u, speed, mode, fly, on, run.status, run.usable, run.estimate.mean)
         part = _as_read(controller, part)

@@ -29,6 +29,7 @@ from ambkit.export.c.exporter import export_c
 from ambkit.export.c.model import states
 from ambkit.export.pil import build
 from ambkit.export.pil.build import QEMU, qemu_command
+from ambkit.machine.accessories import rotation_signal
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Figure, Panel, Points
 from ambkit.result.result import Result
@@ -53,7 +54,7 @@ class Processor:
     def __init__(self, image: Path, folder: Path, sensors: int, axes: int, states: int) -> None:
         # Inputs and outputs of a sample: ``c/samples.h``.
         self.sample = np.dtype([
-            ("y", "<f4", (sensors,)), ("r", "<f4", (axes,)), ("speed", "<f4"), ("fly", "<u4"),
+            ("y", "<f4", (sensors,)), ("r", "<f4", (axes,)), ("rotation", "<f4"), ("fly", "<u4"),
             ("failed", "<u4"), ("counted", "<u4"),
         ])  # fmt: skip
         self.answer = np.dtype([
@@ -78,15 +79,15 @@ class Processor:
             raise
 
     def step(
-        self, y: ArrayLike, r: ArrayLike, *, fly: bool, speed: float = 0.0, failed: bool = False
+        self, y: ArrayLike, r: ArrayLike, *, fly: bool, rotation: float = 0.0, failed: bool = False
     ) -> np.void:
         """Process one sample, before which the power may have failed, and return the answer."""
         # Instructions are counted every so many samples, and after changes of mode or status. y
-        # (sensors,); r (axes,) [m]
+        # (sensors,); r (axes,) [m]; rotation: the reading of the angle's sensor, or the speed
         last = self._answers[-2:]
         new = len(last) == 2 and any(last[0][name] != last[1][name] for name in ("mode", "status"))
         counted = new or len(self._answers) % OFTEN == 0
-        self._send(y, r, speed, fly, failed, counted)
+        self._send(y, r, rotation, fly, failed, counted)
         self._answers.append(self._take(self.answer))
         return self._answers[-1]
 
@@ -177,14 +178,14 @@ def pil(
         measurement = np.column_stack([record[signal("y", r.name)] for r in plant.readings])
         y = filter.inputs.y.numbers(measurement)
         r = np.column_stack([record[signal("r", name)] for name in run.axes])
-        speed = record.signals.get("speed", np.zeros(len(y)))
+        rotation = record.signals.get(rotation_signal(plant.angle), np.zeros(len(y)))
         on = energised(lift_scenario.off, lift_scenario.on, record.t, machine.sampling_time)
         fly, failed = fly_command(sequence, record.t, on), np.r_[False, on[:-1] <= 0]
         (folder / "pipes").mkdir()
         sizes = y.shape[1], r.shape[1], len(fields)
         with Processor(image, folder / "pipes", *sizes) as processor:
             for k in range(len(y)):
-                processor.step(y[k], r[k], fly=fly[k] > 0, speed=speed[k], failed=failed[k])
+                processor.step(y[k], r[k], fly=fly[k] > 0, rotation=rotation[k], failed=failed[k])
             greeting, answers = processor.greeting, processor.answers
         frames = read_telemetry(folder / "pipes" / "frames", export / "telemetry.json")
     others = _others(answers, _expected(run, filter, lift_scenario, y, r, fly, on), run)

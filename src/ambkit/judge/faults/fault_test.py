@@ -305,7 +305,7 @@ def inject_faults(
         for name, build in [*built.items(), *([(BASELINE, None)] if in_loop else [])]
     ]
     run_count = sum(len(_faults_of(flight, named, steps)) for flight, *_ in works)
-    with progress("flying", run_count) as tell, pool_of(threads) as pool:
+    with progress("flying", run_count, unit="flights") as tell, pool_of(threads) as pool:
         results = pool.map(lambda work: list(_campaign(named, steps, tell, *work)), works)
         outcomes = [item for result in results for item in result]
     return FaultCampaign(machine, tuple(outcomes))

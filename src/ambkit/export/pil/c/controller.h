@@ -1,4 +1,5 @@
-/* Interface of the exported controller to the loop: for SEVERAL axes with arrays and the speed. */
+/* Interface of the exported controller to the loop: for SEVERAL axes with arrays and the rotation.
+ */
 #ifndef FIRMWARE_CONTROLLER_H
 #define FIRMWARE_CONTROLLER_H
 
@@ -21,9 +22,9 @@
 #define controller_step rig_control_step
 #define controller_deenergise rig_control_deenergise
 #define PARAMETERS                                                                                 \
-  rig_control_state *state, const amb_real y[SENSORS], const amb_real r[AXES], amb_real speed,     \
+  rig_control_state *state, const amb_real y[SENSORS], const amb_real r[AXES], amb_real rotation,  \
       bool fly, rig_command *out
-#define ARGUMENTS(state, s, out) (state), (s)->y, (s)->r, (s)->speed, ((s)->fly != 0U), (out)
+#define ARGUMENTS(state, s, out) (state), (s)->y, (s)->r, (s)->rotation, ((s)->fly != 0U), (out)
 #define ESTIMATES(out) (&(out)->estimates)
 #else
 #define controller_state rig_state

@@ -9,7 +9,7 @@
 typedef struct sample {
   amb_real y[SENSORS]; /* from the rig */
   amb_real r[AXES];    /* [m] */
-  amb_real speed;      /* [rad/s] */
+  amb_real rotation;   /* reading of the angle's sensor, or the speed [rad/s] */
   uint32_t fly;
   uint32_t failed;  /* whether the magnets had no current since the last sample */
   uint32_t counted; /* whether the instructions of this step are requested; 2: the end */
