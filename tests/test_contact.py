@@ -233,11 +233,12 @@ def test_a_free_rotor_s_filter_is_the_extended_one_to_the_bit(precision):
     ("name", "runs", "share"),
     [
         ("1 um, 1e9", 4, 0.10),
+        pytest.param("5.8 um, 1e8", 40, 0.10, marks=pytest.mark.long),
+        pytest.param("ufu_rig, friction", 12, 0.10, marks=pytest.mark.long),
         *(
-            pytest.param(name, runs, share, marks=pytest.mark.long)
+            pytest.param(name, runs, share, marks=pytest.mark.study)
             for name, runs, share in [
-                ("5.8 um, 1e8", 40, 0.10), ("1 um, 3e9", 40, 0.12), ("3 um, 1e9, 20 kHz", 40, 0.10),
-                ("5.8 um, 3e9", 40, 0.30), ("ufu_rig, friction", 12, 0.10),
+                ("1 um, 3e9", 40, 0.12), ("3 um, 1e9, 20 kHz", 40, 0.10), ("5.8 um, 3e9", 40, 0.30),
                 ("tum_mlps, friction", 12, 0.10),
             ]
         ),
@@ -258,8 +259,8 @@ def test_on_touchdowns_it_is_as_good_as_it_says_and_better_than_its_sensor(name,
 
 @pytest.mark.parametrize(("name", "runs"), [
     ("zittau_axial", 2),
-    *(pytest.param(name, 6, marks=pytest.mark.long)
-      for name in ("ufu_rig", "tum_mlps")),
+    pytest.param("ufu_rig", 6, marks=pytest.mark.long),
+    pytest.param("tum_mlps", 6, marks=pytest.mark.study),
 ])  # fmt: skip
 def test_a_drop_without_magnet_current_is_estimated_consistently(name, runs):
     result = judge(MACHINES[f"{name}, drop"](), range(40, 40 + runs), drops=True)
@@ -273,9 +274,8 @@ def test_a_drop_without_magnet_current_is_estimated_consistently(name, runs):
 
 @pytest.mark.parametrize(("name", "seed"), [
     ("ufu_rig", 20016),
-    *(pytest.param(name, seed, marks=pytest.mark.long)
-      for name, seed in (("ufu_rig", 20005), ("tum_mlps", 20006))),
-    pytest.param("hindawi_2011", 20011, marks=pytest.mark.study),
+    *(pytest.param(name, seed, marks=pytest.mark.study)
+      for name, seed in (("ufu_rig", 20005), ("tum_mlps", 20006), ("hindawi_2011", 20011))),
 ])  # fmt: skip
 def test_backward_whirl_after_a_drop_is_followed(name, seed):
     """Dry friction drives the rotor some clearances into its rings, until it rolls along them."""

@@ -100,7 +100,7 @@ def test_a_wrong_structure_is_not_called_good():
     [
         ("zittau_axial", "0.3 mm", "3 N", 0.5, 101),
         pytest.param("zittau_axial", "0.3 mm", "3 N", 0.5, 0, marks=pytest.mark.study),
-        pytest.param("inteco_ml", None, "0.36 N", 1.5, 0, marks=pytest.mark.long),
+        pytest.param("inteco_ml", None, "0.36 N", 1.5, 0, marks=pytest.mark.study),
     ],
 )
 def test_a_load_step_is_no_defect_and_its_record_is_identified_in_parts(

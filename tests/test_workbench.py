@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from quick import quick
 
 import ambkit
 from ambkit import Machine, Scenario, Step
@@ -208,18 +209,17 @@ def test_numbers_in_node_are_those_of_python(case, tmp_path):
     same_numbers(record, estimates, json.loads(run.stdout))
 
 
-@pytest.mark.long
+ROTORS = [
+    ("heart_pump", {"runUp": True}),
+    ("hindawi_2011", {"feedback": 1, "filters": "linear,extended,unscented,ud"}),
+    ("compressor", {}),
+    ("ufu_flexible", {"feedback": 1}),
+]
+
+
 @pytest.mark.parametrize(
     ("name", "settings"),
-    [
-        ("hindawi_2011", {}),
-        ("heart_pump", {"runUp": True}),
-        ("tum_mlps", {}),
-        ("ufu_rig", {"seed": 9}),
-        ("hindawi_2011", {"feedback": 1, "filters": "linear,extended,unscented,ud"}),
-        ("compressor", {}),
-        ("ufu_flexible", {"feedback": 1}),
-    ],
+    quick([*ROTORS, ("hindawi_2011", {}), ("tum_mlps", {}), ("ufu_rig", {"seed": 9})], [], ROTORS),
 )
 def test_a_rotor_flies_as_in_python(page, tmp_path, name, settings):
     machine = Machine.preset(name)
