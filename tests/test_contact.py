@@ -442,7 +442,8 @@ def test_in_contact_a_step_takes_at_most_half_as_much_again_as_the_extended_filt
 
 @pytest.mark.long
 @pytest.mark.skipif(bool(harness.missing_tools()), reason="needs the cross compiler and qemu")
-def test_in_both_rings_it_takes_no_more_and_compiles_without_a_warning(tmp_path):
+@pytest.mark.parametrize("loops", [True, False])
+def test_in_both_rings_it_takes_no_more_and_compiles_without_a_warning(loops, tmp_path):
     machine, median, N = preset("hindawi_2011", **FRICTION), {}, 300
     record, noise = walks(machine, 7, 3000 * machine.sampling_time, 1000 * machine.sampling_time)
     y, u = (np.column_stack([record[f"{of}_{axis.name}"] for axis in machine.axes]) for of in "yu")
@@ -450,7 +451,7 @@ def test_in_both_rings_it_takes_no_more_and_compiles_without_a_warning(tmp_path)
     for kind in ("extended", "contact"):
         kf = KINDS[kind].make(machine, noise=noise, precision="float32")
         out = tmp_path / kind
-        made = export_c(machine, kf, out, prefix="filter", loops=True, force=True)
+        made = export_c(machine, kf, out, prefix="filter", loops=loops, force=True)
         main = harness.HERE / "axes.c"
         harness.emulated(harness.build(made.folder, out / "build", main=main).elf, tmp_path)
         counted = np.fromfile(tmp_path / "instructions.bin", "<u4")[1:]

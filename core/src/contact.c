@@ -136,12 +136,6 @@ AMB_INLINE void add_contact_stiffness(const amb_kalman *kf, int count, bool in_p
 }
 
 #if AMB_FORCES > 1
-/* Contact forces along the axes: gradients by the states, and covariances besides [N^2]. */
-typedef struct linear_forces {
-  amb_real row[AMB_FORCES * AMB_STATES];
-  amb_real variance[AMB_FORCES * AMB_FORCES];
-} linear_forces;
-
 /* w' P w, of a w with `seen` entries. */
 AMB_INLINE amb_real variance_of(int n, int seen, const amb_real P[AMB_TRIANGLE],
                                 const amb_real w[AMB_STATES])
@@ -231,11 +225,13 @@ AMB_INLINE bool all_contacts(const amb_kalman *kf, const amb_contact *own,
   touch_in_turn(&kf->model, own, &free, F, N);
   amb_clear(n, late);
   amb_clear(p, sum);
-  amb_clear(p * n, forces->row);
-  amb_clear(p * p, forces->variance);
   for (int ring = 0; ring < own->rings; ring++) {
     touch_down at;
     if (touch_beside(&kf->model, own, ring, &free, F, N, &at)) {
+      if (!any) {
+        amb_clear(p * n, forces->row);
+        amb_clear(p * p, forces->variance);
+      }
       any = true;
       add_force(&at, N);
       add_turn(&kf->model, own, &at, late);
@@ -258,21 +254,14 @@ AMB_INLINE amb_status predict_rings(const amb_kalman *kf, const amb_contact *own
   linear_forces forces;
   amb_real late[AMB_STATES];
   const bool any = all_contacts(kf, own, s, F, &forces, late);
-  for (int f = 0; f < amb_forces(&kf->model); f++) {
-    if (!AMB_WITHIN(F[f], AMB_REAL_ROOT)) { /* as in amb_step_predict_with */
-      return AMB_BAD_PARAMETER;
-    }
-  }
-  amb_model_predict_mean(&kf->model, F, iu, s->mean);
-  amb_model_predict_with_forces(&kf->model, k, forces.row, forces.variance, kf->set.k_ui,
-                                kf->set.var_u, kf->growth, s->cov, AMB_ROOM(s));
-  if (any) {
+  const amb_status predicted = amb_linear_forces_predict(kf, s, F, k, iu, any ? &forces : NULL);
+  if ((predicted == AMB_OK) && any) {
     *status |= AMB_CONTACT;
     for (int i = 0; i < amb_states(&kf->model); i++) {
       s->mean[i] += late[i];
     }
   }
-  return AMB_OK;
+  return predicted;
 }
 #endif
 
@@ -293,7 +282,7 @@ AMB_INLINE amb_status predict_contacts(const amb_kalman *kf, const amb_contact *
     *status |= AMB_CONTACT;
     add_force(at, F);
   }
-  const amb_status predicted = amb_step_predict_with(kf, s, F, k, iu);
+  const amb_status predicted = amb_linear_forces_predict(kf, s, F, k, iu, NULL);
   if ((predicted == AMB_OK) && any) {
     add_contact_stiffness(kf, 1, false, at, k, s->cov);
   }
@@ -312,7 +301,7 @@ AMB_INLINE amb_status predict_bounces(const amb_kalman *kf, const amb_contact *o
     *status |= at[2 * ring].likely ? AMB_CONTACT : AMB_OK;
     add_force(&at[2 * ring], F);
   }
-  const amb_status predicted = amb_step_predict_with(kf, s, F, k, iu);
+  const amb_status predicted = amb_linear_forces_predict(kf, s, F, k, iu, NULL);
   if ((predicted == AMB_OK) && any) {
     const int n = amb_states(&kf->model);
     for (int ring = 0; ring < own->rings; ring++) {

@@ -255,8 +255,8 @@ KINDS = {
         FilterKind(
             "contact", "extended Kalman filter, contact with stops",
             "contact.ContactKalmanFilter",
-            CoreKernel("Contact", has_state=True, base="base."), ideal_laws,
-            ratios=("scatter",),
+            CoreKernel("Contact", has_state=True, base="base.", calls=("linear_forces",)),
+            ideal_laws, ratios=("scatter",),
         ),
         FilterKind(
             "linear-adaptive-noise", "linear Kalman filter, R found online",
