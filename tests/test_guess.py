@@ -554,10 +554,12 @@ def test_a_refusal_says_what_hides_the_motion(tmp_path):
 
 def test_there_is_no_reference_without_a_position(tmp_path):
     rig = of_a_rig(400)
-    for name in ("soll", "w"):
-        rows = np.column_stack([rig["t"], rig["r"], rig["u"]])
-        np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header=f"t,{name},u")
-        assert "r" not in names_of(guess(tmp_path / "log.csv"))
+    rows = np.column_stack([rig["t"], rig["r"], rig["u"]])
+    np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header="t,w,u")
+    assert "r" not in names_of(guess(tmp_path / "log.csv"))
+    np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header="t,soll,u")
+    with pytest.raises(RecordError, match="refused"):
+        guess(tmp_path / "log.csv")
 
 
 def test_physics_go_before_names(tmp_path):

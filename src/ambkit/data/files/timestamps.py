@@ -53,8 +53,14 @@ _EITHER = re.compile(
 )
 
 
+_DURATION = re.compile(r"(-?[\d.]*\d(?:e[+-]?\d+)?) ?(s|sec|ms|min|hr)")  #: Of a timetable.
+_SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "min": 60.0, "hr": 3600.0}
+
+
 def layouts(cell: str) -> tuple[str, ...]:
     """Return the possible layouts of a time; two if day and month are ambiguous."""
+    if duration := _DURATION.fullmatch(cell):
+        return (duration[2],)
     for pattern, layout in _LAYOUTS:
         if pattern.fullmatch(cell):
             return (layout,)
@@ -130,6 +136,13 @@ def read(
     if not possible:
         what = f'"{first}" is no time that is known' if first else "is empty"
         raise RecordError(f'{name} {what}; give its format in the map, as "%d.%m.%Y %H:%M:%S.%f"')
+    if (unit := possible[0]) in _SECONDS:
+        try:
+            seconds = np.char.replace(texts.astype(str), unit, "").astype(float) * _SECONDS[unit]
+        except ValueError as error:
+            raise RecordError(f"{name} is not in {unit} throughout") from error
+        remarks = (f"{name} is text: seconds from {first}",)
+        return Timestamps(seconds - seconds[0], "", remarks, True)
     parsed = {item: _parse(texts, item) for item in possible}
     sound = [item for item, result in parsed.items() if not result.wrong.any()]
     if not sound:
@@ -147,7 +160,7 @@ def read(
         return longest_step, item.startswith(("%d/", "%m.", "%m-"))
 
     chosen = min(sound, key=rank)
-    ticks, remarks = results[chosen]
+    ticks, notes = results[chosen]
     same = all(np.array_equal(ticks, result) for result, _ in results.values())
     if not same and not lenient:
         other = next(item for item in sound if item != chosen)
@@ -157,7 +170,7 @@ def read(
         )
     seconds = ticks / SECOND
     seconds[_absent(texts)] = np.nan
-    return Timestamps(seconds, chosen, tuple(remarks), same)
+    return Timestamps(seconds, chosen, tuple(notes), same)
 
 
 def layouts_of(texts: Texts) -> tuple[str, ...]:

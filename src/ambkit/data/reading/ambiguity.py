@@ -32,12 +32,7 @@ def ambiguities(
     """Yield the roles that names and motion give to several channels, or one of both to none."""
     for role, c in chosen.items():
         yield from ((role, (c, other), why) for other, why in c.rivals)
-    y, u, current = (chosen.get(role) for role in ("y", "u", "current"))
-    if y is None:
-        rivals = [c for c in channels if c is not u and c.role in ("u", "i", "y")]
-        if u is not None:
-            yield "u", (u, *rivals[:2]), "no channel is a position that confirms it"
-        return
+    y, u, current = chosen["y"], chosen.get("u"), chosen.get("current")
     if y.estimated:
         yield "y", (y,), "an estimate, but no channel is its reading"
     alike = [c for c in channels if c.values.shape == y.values.shape and c is not y]
@@ -53,7 +48,9 @@ def ambiguities(
         return
     rest = [c for c in alike if c not in chosen.values()]
     yield from (("u", (u, c), why) for c, why in _controls(u, y, rest))
-    if moves is None and not feeds(y, u):
+    is_driven = "control" in chosen and leads(chosen["control"], u)  # no position is
+    is_sure = moves is not None and moves.fit.sure
+    if not is_sure and not is_driven and not feeds(y, u):
         swapped = "by its noise the second is the position, the first its control"
         is_swapped = feeds(u, y, SWAPPED)
         if is_swapped or answers(y, u) < PASSED:

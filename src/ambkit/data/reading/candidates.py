@@ -120,6 +120,7 @@ _UNIT_AT_END = re.compile(
 _UNIT_IN_BRACKETS = re.compile(rf"(.*?) ?[\[(] ?({_UNITS}) ?[\])](.*)")
 _SEVERAL = re.compile(r"(\d+)(?:[.,p](\d+))? ?([^\W\d]\D*)")  #: Of a fieldbus: 100ns, 0.1um, 0p1um.
 _PEAKS = re.compile(r"[ _](?:p-?p|pk(?:-?pk)?|0-?p|peak|rms)$", re.I)  #: Of a vibration.
+_DEGREES = re.compile(r"(?:°|º|deg) ?[cf]|℃", re.I)
 _IN_WORDS = {"mps": "m/s", "amps": "A", "amp": "A", "amperes": "A", "ampere": "A", "volts": "V",
              "volt": "V", "s": "s",
              "millis": "ms", "micros": "us", "ma": "mA"}  # fmt: skip
@@ -198,6 +199,9 @@ def _known_unit(candidate: Candidate) -> str:
     if several := _SEVERAL.fullmatch(candidate.unit):
         candidate.unit, candidate.scale = several[3], f"{several[1]}.{several[2] or 0}"
     candidate.unit = _PEAKS.sub("", candidate.unit)
+    if _DEGREES.fullmatch(candidate.unit):
+        candidate.unit = ""
+        return "K"
     lower = candidate.unit if re.search(r"\d", candidate.unit) else candidate.unit.lower()
     for unit in dict.fromkeys((candidate.unit, lower)):  # A0 is a pin, a0 a length
         try:
@@ -225,6 +229,7 @@ def _own_part(label: str) -> str:
     parts = [re.sub(r"\[\d+\]$|\"", "", part) for part in re.split(r"/|\.(?! |$)", label)]
     own_parts = [part for part in parts if not _HOLDERS.fullmatch(part.lower())] or parts
     of_what = role_of("".join(own_parts[-2:-1]))
-    if _AXIS.fullmatch(own_parts[-1]) and of_what.role in ("i", "y", "v") and not of_what.weak:
+    is_axis = _AXIS.fullmatch(own_parts[-1]) and of_what.role in ("i", "y", "v")
+    if (is_axis or of_what.role == "r") and not of_what.weak:  # setpoint.position
         return " ".join(own_parts[-2:])
     return own_parts[-1]

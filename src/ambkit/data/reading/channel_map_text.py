@@ -88,8 +88,6 @@ class _Map:
         for role, candidate in self.chosen.items():
             if role != "t":
                 yield from self._signal(role, candidate)
-        if self.y is None:
-            yield "# Nothing looks like a position; a filter needs y."
         if self.u is None:
             yield "# Nothing looks like a control signal; a filter needs u."
         yield from self._rest()
@@ -205,7 +203,23 @@ class _Map:
             same = self.y
         if same is self.y and self.weight is not None:
             return self.weight.unit, same.scale, "  # by the weight of the rotor"
+        if role == "v_logged" and (unit := self._unit_of_velocity(candidate)):
+            return unit, same.scale, f"  # as {self.y.label if self.y else 'y'} changes"
         return same.unit or _likely_unit(same), same.scale, "  # guessed from its size"
+
+    def _unit_of_velocity(self, v: Candidate) -> str:
+        """Return the unit that makes a velocity the rate of y; empty where nothing tells."""
+        y, step = self.y, self._step()
+        if y is None or y.values.shape != v.values.shape or not step > 0:
+            return ""
+        unit, n, _ = self._unit("y", y)
+        if si_unit(unit) != "m":
+            return ""
+        rate = np.gradient(y.slow) * (y.slow.size / y.values.size / step)
+        size = float(n) * factor(unit, "m") * float(np.nanstd(rate))
+        least = max(float(np.nanstd(v.slow)), 1e-300)
+        units = {"m/s": 1.0, "mm/s": 1e-3, "µm/s": 1e-6}
+        return min(units, key=lambda name: abs(np.log(max(size, 1e-300) / least / units[name])))
 
     def _meaning(self, role: str, candidate: Candidate) -> Iterator[str]:
         """Write unit, scale, sign and, as a hint, the offset of a channel."""

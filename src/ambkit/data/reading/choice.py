@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ambkit.data.reading.candidates import Candidate
-from ambkit.data.reading.channel_statistics import seen
+from ambkit.data.reading.channel_statistics import correlation, seen
 from ambkit.data.reading.clock import examine
 from ambkit.data.reading.comparison import rate_likeness
 from ambkit.data.reading.position_search import Rotor
@@ -50,15 +50,27 @@ def choose(results: list[Candidate], moves: Rotor | None) -> dict[str, Candidate
         chosen["control"], chosen["u"] = chosen["u"], chosen.pop("i")
     for role, name in (("y", "x_logged"), ("v", "v_logged")):
         logged = [c for c in results if c.role == role and (c.estimated or role == "v")]
-        of = [chosen[n] for n in ("x_logged", "y") if n in chosen and role == "v"][:1]
-        alike = [(c, x) for c in logged for x in of if c.values.shape == x.values.shape]
-        likeness = {id(c): rate_likeness(c, x) for c, x in alike}
+        logged = [c for c in logged if "y" not in chosen or _is_of(chosen["y"], c, results)]
+        x = chosen.get("x_logged", chosen.get("y"))
         if logged:
-            chosen[name] = max(logged, key=lambda c: (c.estimated, likeness.get(id(c), 0.0)))
+            chosen[name] = max(logged, key=lambda c: (c.estimated, x is not None and _goes(c, x)))
     if "y" not in chosen and "x_logged" in chosen:
         chosen["y"] = chosen.pop("x_logged")
     order = ("t", "y", "u", "control", "r", "i", "x_logged", "v_logged", "k")
     return {_NAMES.get(role, role): chosen[role] for role in order if role in chosen}
+
+
+def _is_of(y: Candidate, c: Candidate, results: Sequence[Candidate]) -> bool:
+    """Whether an estimate, or a velocity, goes with a position no less than with another one."""
+    others = [item for item in results if item.role == "y" and not item.estimated]
+    return _goes(c, y) >= max((_goes(c, item) for item in others), default=0.0)
+
+
+def _goes(c: Candidate, y: Candidate) -> float:
+    """Return how much an estimate goes with a position, or a velocity with its rate."""
+    if c.values.shape != y.values.shape:
+        return 0.0
+    return abs(rate_likeness(c, y) if c.role == "v" else correlation(c.values, y.values))
 
 
 def from_others(results: list[Candidate], others: Sequence[ProposedMap]) -> dict[str, Candidate]:

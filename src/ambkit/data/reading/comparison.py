@@ -25,6 +25,7 @@ NOISY = 0.02  #: Noise of an estimate over that of its original, at least.
 LEADS = 1.2  #: Ratio by which a command leads the current that follows it, in correlations.
 LAGS = 6  #: Samples in which a controller passes on the noise of its position.
 PASSED = 0.05  #: Part of a control's noise that is that of its position, at least.
+USUAL = 0.99  #: Part of the changes of a channel that are its noise, at least.
 AT_ONCE = 0.5  #: Part of the noise passed on that a copy passes on in the same sample.
 CHANCE = 4.4  #: Colour that 1 % of white noises exceed, times the root of their samples.
 STEADY = 0.15  #: Change of the time of a turn from one to the next, over that time.
@@ -109,10 +110,11 @@ def answers(y: Candidate, u: Candidate, lags: int = LAGS) -> float:
     if y.values.size < 4 * LAGS:
         return 0.0
     changes = [np.diff(interpolated(c.values[:LOOKED_AT]), 2) for c in (y, u)]
-    peaks = [float(np.abs(change).max()) for change in changes]
-    if not all(0 < peak < np.inf for peak in peaks):  # a counter, or no number that is usable
+    # A jump of a set point is in many channels, and no noise.
+    usual = [float(np.quantile(abs(c), USUAL)) or float(abs(c).max()) for c in changes]
+    if not all(0 < size < np.inf for size in usual):  # a counter, or no number that is usable
         return 0.0
-    noise_of_y, rest = (change / peak for change, peak in zip(changes, peaks, strict=True))
+    noise_of_y, rest = (np.clip(c / size, -1, 1) for c, size in zip(changes, usual, strict=True))
     lagged = sliding_window_view(noise_of_y, lags)
     rest = rest[lags - 1 :]
     if not rest.any():
@@ -125,7 +127,7 @@ def is_control(u: Candidate, y: Candidate) -> bool:
     """Whether a channel is what a controller makes of a position: no copy, estimate, or rate."""
     # Over several samples, or more of what is fast; an error is a copy.
     share = answers(y, u)
-    if share < PASSED or rate_likeness(u, y) > FOLLOWS:
+    if share < PASSED or (rate_likeness(u, y) > FOLLOWS and not goes_with(u, y)):
         return False
     return amplifies(u, y) or (not goes_with(u, y) and answers(y, u, 1) < AT_ONCE * share)
 
@@ -145,6 +147,19 @@ def amplifies(u: Candidate, y: Candidate, ratio: float = LEADS) -> bool:
     """Whether a channel has more of what is fast than a position, as a controller's output has."""
     relative = [c.noise / max(float(seen(c.slow).std()), 1e-300) for c in (u, y)]
     return relative[0] > ratio * relative[1]
+
+
+def drives(u: Candidate, i: Candidate) -> float:
+    """Return how much of a voltage is that of the coil of a current, R i + L i'; < 0: opposite."""
+    rows = np.array([u.slow, i.slow, np.gradient(i.slow)])
+    rows = rows[:, np.isfinite(rows).all(axis=0)]
+    rows -= rows.mean(axis=1, keepdims=True)
+    size = rows.std(axis=1)
+    if not size[:2].all():
+        return 0.0
+    parts = np.linalg.lstsq(rows[1:].T, rows[0], rcond=None)[0][:, None] * rows[1:]
+    more = int(parts[1].std() > parts[0].std())
+    return float(np.sign(parts[more] @ rows[1 + more]) * parts.sum(0).std() / size[0])
 
 
 def leads(a: Candidate, b: Candidate) -> bool:

@@ -14,7 +14,7 @@ from ambkit.data.files.tables import read_log
 from ambkit.data.reading.candidates import Candidate, candidates
 from ambkit.data.reading.channel_map_text import toml_lines
 from ambkit.data.reading.channel_statistics import seen
-from ambkit.data.reading.choice import ProposedMap
+from ambkit.data.reading.choice import ProposedMap, choose, from_others
 from ambkit.data.reading.plausibility import standstill
 from ambkit.data.reading.signal_roles import find_roles
 
@@ -38,8 +38,10 @@ def guess(path: str | os.PathLike[str], progress: Callable[[str], object] = lamb
     damage = next((c.damage for a in assignments for c in a.channels if c.damage), None)
     if damage and not any(c.role == "t" for c in best.channels):
         raise damage
-    if not any(c.role in ("y", "u", "i") and not c.estimated for c in best.channels):
-        raise RecordError(_refusal(os.fspath(path), best.channels))
+    others = [assignment for assignment in assignments if assignment is not best]
+    if "y" not in choose(best.channels, best.moves) | from_others(best.channels, others):
+        unread = [remark for remark in log.remarks if "are not read" in remark]
+        raise RecordError(_refusal(os.fspath(path), best.channels, unread))
     if (rises := _only_rises(best)) is not None:
         raise RecordError(
             f"{path}: refused: no channel is its time, and {rises.label}, by its name a position, "
@@ -47,7 +49,6 @@ def guess(path: str | os.PathLike[str], progress: Callable[[str], object] = lamb
             f"{rises.unit or 'of its units'} in {rises.values.size} samples, one after the other: "
             "it holds no log of a rotor, but perhaps the calibration of a sensor, or a force map"
         )
-    others = [assignment for assignment in assignments if assignment is not best]
     return "\n".join(map(one_line, toml_lines(Path(path).name, log, best, others))) + "\n"
 
 
@@ -62,7 +63,7 @@ def _only_rises(best: ProposedMap) -> Candidate | None:
     return None
 
 
-def _refusal(path: str, results: list[Candidate]) -> str:
+def _refusal(path: str, results: list[Candidate], unread: list[str]) -> str:
     """Say why nothing is guessed, and what helps."""
     moving = [c for c in results if not c.role and np.unique(seen(c.values)).size > FEW]
     lying = {c.label: rests for c in moving if (rests := standstill(seen(c.values)))}
@@ -73,8 +74,8 @@ def _refusal(path: str, results: list[Candidate]) -> str:
     return (
         f"{path}: refused: nothing in it is levitated{lies}. Of its {len(results)} channels of "
         f"{results[0].values.size} samples no two move as a rotor and its current do, and no name "
-        f"says what is what{'; '.join(['', *_obstacles(results, moving)])}: write y and u into a "
-        "channel map by hand, or cut out a part in which the rotor is levitated"
+        f"says what is what{'; '.join(['', *unread, *_obstacles(results, moving)])}: write y and u "
+        "into a channel map by hand, or cut out a part in which the rotor is levitated"
     )
 
 

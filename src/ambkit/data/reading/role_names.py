@@ -27,8 +27,8 @@ class NamedRole(NamedTuple):
 _QUANTITIES = {
     "t": r"time|\w*zeit\w*|czas|tijd|temps|tiempo|tempo|instant\w*|istante|timestamps?|seconds?|"
          r"secs?|elapsed|clock|millis|micros|\w*uhr|shijian|sj|jikan|时间|时刻|時間|時刻|врем\w*",
-    "-": r"err\w*|[fp]e|regelabweichung|regelfehler|\w*temp\w*|status|state|mode|flags?|n?rpm|"
-         r"\w*drehzahl|omega|idx|count\w*|sample\w*|tick|power|leistung|\w*kraft|force|"
+    "-": r"err\w*|[fp]e|deg|math|regelabweichung|regelfehler|\w*temp\w*|status|state|mode|flags?|"
+         r"n?rpm|\w*drehzahl|omega|idx|count\w*|sample\w*|tick|power|leistung|\w*kraft|force|"
          r"druck|torque|\w*moment|phase|phi|angle|winkel|beschl\w*|acc|accel\w*|fehler|fuerza|zhuansu|wendu|"
          r"wucha|pressure|enable\w*|humid\w*|ambient|ошибка|оборот\w*|темп\w*|скоростьвращения|сила|"
          r"转速|温度|误差|序号|回転数|誤差",
@@ -104,9 +104,11 @@ def role_of(label: str) -> NamedRole:
     for token in tokens:
         short = _SHORT.fullmatch(re.sub(r"\d+", "", token))
         words += (
-            [token] if _PLACED.fullmatch(token)
+            [] if re.fullmatch(r"[rp]\d{3,}", token)  # a parameter of a drive
+            else [token] if _PLACED.fullmatch(token)
             else [of_plane[1]] if (of_plane := _OF_A_PLANE.fullmatch(token))
-            else [short[1], _SHORT_FOR.get(short[2], short[2])] if short
+            else [short[1], _SHORT_FOR.get(short[2], short[2])]
+            if short and (short[2] != "d" or len(tokens) == 1)  # XD may be a plane
             else [w for w in re.split(r"\d+", token) if w]
         )  # fmt: skip
     return _role_of(words)

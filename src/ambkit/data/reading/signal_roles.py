@@ -31,13 +31,13 @@ from ambkit.data.reading.comparison import (
     RAWER,
     Beside,
     answers,
+    drives,
     feeds,
     goes_with,
     is_control,
     is_filter_of,
     leads,
     marks,
-    rate_likeness,
 )
 from ambkit.data.reading.position_search import RELATED, Rotor, in_steps
 from ambkit.data.reading.rotor_roles import find_rotor
@@ -84,9 +84,9 @@ def _read_names(results: Sequence[Candidate]) -> None:
             c.why.append(marks(c, LARGEST) or "without marks of a turn")
             c.role = "k" if c.why[-1][0] == "t" else "-"
     steady = [c for c in results if np.ptp(seen(c.values)) == 0]
-    moves = any(c.role in ("u", "i") and c not in steady for c in results)
-    for c in steady:
-        if not c.role or (c.role in ("u", "i") and moves):  # a bias current
+    moving = {"ui" if c.role in ("u", "i") else c.role for c in results if c not in steady}
+    for c in steady:  # of two currents it is the bias, of two positions no sensor's
+        if any(c.role in roles for roles in moving - {"r"}) or not c.role:
             c.why.append(f"is {c.values[0]:g} all the time")
             c.role = "-"
 
@@ -224,8 +224,7 @@ def _eliminate(results: Sequence[Candidate]) -> None:
     least = PASSED if y is not None or mover is not None else AT_ONCE
     loops = [
         (a, b) for a, b in pairs
-        if answers(a, b) > least and is_control(b, a) and rate_likeness(a, b) < FOLLOWS
-        and feeds(a, b) and not feeds(b, a)
+        if answers(a, b) > least and is_control(b, a) and feeds(a, b) and not feeds(b, a)
     ]  # fmt: skip
     # Of more than two channels without a name, a velocity and a duty may go so, too.
     if not loops or (y is None and mover is None and len(of) > 2):
@@ -253,7 +252,8 @@ def _find_stage(results: list[Candidate]) -> None:
         return
     if u.drives or u.unit == "A":
         return
-    u.drives = correlation(u.slow, i.slow) > FOLLOWS and not in_one_unit(u, i)
+    least = GOES_WITH if y is not None and answers(y, u) > PASSED else FOLLOWS
+    u.drives = drives(u, i) > least and not in_one_unit(u, i)
     if u.drives:
         ratio, u.role = np.nanmean(i.slow) / np.nanmean(u.slow), "u"
         u.why.append(f"drives {i.label}, {ratio:.3g} A per unit: a duty or a voltage")
@@ -263,8 +263,7 @@ def _is_supply(c: Candidate, i: Candidate, y: Candidate | None) -> bool:
     """Whether neither a current nor the noise of a position is in the voltage of a power stage."""
     if c.values.shape != i.values.shape or (y is not None and answers(y, c) > PASSED):
         return False
-    likeness = correlation(c.slow, i.slow), rate_likeness(c, i)
-    return max(map(abs, likeness)) < GOES_WITH
+    return abs(drives(c, i)) < FOLLOWS
 
 
 def in_one_unit(command: Candidate, current: Candidate) -> bool:
@@ -278,12 +277,9 @@ def _settle_references(results: Sequence[Candidate]) -> None:
     """See to it that there is no reference without a position."""
     references = [] if named(results, "y") else named(results, "r")
     weak = [c for c in references if c.weak]
-    for c in weak[:1]:
-        c.role = "y"
-        c.why.append("by its name, as no other channel is a position")
-    for c in references if not weak else ():
-        c.role = "-"
-        c.why.append("the reference of no position that is logged")
+    for c in weak:
+        c.role = "y" if c is weak[0] else ""
+        c.why += ["by its name, as no other channel is a position"] if c.role else []
 
 
 def _beside(c: Candidate, y: Candidate) -> None:
@@ -295,7 +291,7 @@ def _beside(c: Candidate, y: Candidate) -> None:
     if (not is_position or c.why[-1] == BY_UNIT) and beside.is_reference:
         c.role = "r"
         c.why.append(f"follows, or leads, {y.label} without its noise")
-    elif beside.is_rate and not is_position and c.unit in ("", "V"):
+    elif beside.is_rate and is_filter_of(c, y) and not is_position and c.unit in ("", "V"):
         c.role, c.estimated = "v", True
         c.why.append(f"follows the rate of {y.label} (correlation {beside.rate:.2f})")
     elif not is_position and beside.is_near and beside.noise * RAWER < 1:
