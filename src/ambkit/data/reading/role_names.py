@@ -108,7 +108,7 @@ def role_of(label: str) -> NamedRole:
             else [token] if _PLACED.fullmatch(token)
             else [of_plane[1]] if (of_plane := _OF_A_PLANE.fullmatch(token))
             else [short[1], _SHORT_FOR.get(short[2], short[2])]
-            if short and (short[2] != "d" or len(tokens) == 1)  # XD may be a plane
+            if short and (short[2] != "d" or short[1] in "iuv" or len(tokens) == 1)  # a plane XD
             else [w for w in re.split(r"\d+", token) if w]
         )  # fmt: skip
     return _role_of(words)
