@@ -110,15 +110,6 @@ class AxisModel(LoopModel):
             std |= {name: self.load_std for name in std if name.startswith("f_d")}
         return kalman.initial_state(y[:: self.substeps]), list(std.values())
 
-    def with_long_steps(self) -> AxisModel:
-        # One step per sample: a filter of all axes takes a second per 200,000 steps.
-        effects = {
-            record: tuple(part.reshape(-1, self.substeps).mean(1) if part.ndim else part
-                          for part in both)
-            for record, both in self.structures.items()
-        }  # fmt: skip
-        return replace(self, substeps=1, structures=effects)  # type: ignore[arg-type]
-
     @property
     def number(self) -> int:
         return self.machine.axis_names.index(self.axis)

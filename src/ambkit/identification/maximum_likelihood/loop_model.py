@@ -316,10 +316,6 @@ class LoopModel:
         """Return a record in which y and u are those of its axis."""
         return record
 
-    def with_long_steps(self) -> LoopModel:
-        """Return the model for searches that need not be exact; itself if its filter is fast."""
-        return self
-
     def replace(self, **changes: object) -> LoopModel:
         """Return the model with other values; ``magnet__air_gap=...`` applies to the machine."""
         own = {name: value for name, value in changes.items() if "__" not in name}

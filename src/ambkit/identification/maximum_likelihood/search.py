@@ -25,8 +25,6 @@ CONVERGED = 1e-3
 
 RIDGE = 0.5  #: Decrement that is accepted if no step ascends.
 
-FAR = 4.0  #: Decrement from which a filter with one step per sample searches first.
-
 MUCH_LESS_LIKELY = 2.0
 """Loss of log likelihood from which a value counts as rejected (Edwards 1972)."""
 
@@ -88,13 +86,8 @@ def maximise(
     # here the accuracies differ by a factor of a thousand, and only a region in units of the errors
     # converges.
     likelihood = data.likelihood(begin, parameters)
-    z, damping, steps, before = np.zeros(len(parameters)), 1e-3, 0, 0
+    z, damping, steps = np.zeros(len(parameters)), 1e-3, 0
     at, rough = likelihood.local(z, rough=True), True
-    if at.left > FAR and (rougher := begin.with_long_steps()).substeps < begin.substeps:
-        coarse = maximise(data, rougher, parameters, RIDGE)
-        before = coarse.steps
-        if likelihood.value(coarse.z) > at.value:
-            z, at = coarse.z, likelihood.local(coarse.z, rough=True)
     while True:
         left = at.left
         value, converged = at.value + 0.5 * min(left, RIDGE), left < enough
@@ -118,7 +111,7 @@ def maximise(
         if gain < LEAST_GAIN:  # with an equal rest: it creeps along a limit
             value, converged = at.value + 0.5 * min(at.left, RIDGE), left < RIDGE
             break
-    return Optimum(likelihood, z, value, before + steps, converged)
+    return Optimum(likelihood, z, value, steps, converged)
 
 
 def _step_up(
