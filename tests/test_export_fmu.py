@@ -579,6 +579,14 @@ def test_what_is_refused_of_a_loop(tmp_path):
         export_fmu(BEARING, None, tmp_path / "a.fmu", kind="plant", precision="float")
 
 
+@pytest.mark.parametrize("kind", ["estimator", "closed-loop", "whole-controller"])
+def test_a_filter_that_needs_the_angle_is_refused(kind, tmp_path):
+    rig = RIG.replace(angle={"type": "pulses"})
+    with pytest.raises(AmbkitError, match="no input for the sensor of the angle"):
+        ambkit.export_fmu(rig, "linear+unbalance", out=tmp_path / "a.fmu", kind=kind)
+    assert os.listdir(tmp_path) == []
+
+
 # ---- The file ----
 
 
