@@ -45,7 +45,10 @@ def bench(
     made = trials(case, machine, runs, seed)
     valid = [trial for trial in made if not trial.lost]
     if not valid:
-        raise AmbkitError(f"case {case.name}: in each of {runs} runs the rotor meets a stop")
+        raise AmbkitError(
+            f"case {case.name}: in each of {runs} runs the rotor meets a stop, because the steps "
+            "are too large for this machine: compare steps takes smaller ones by --steps"
+        )
     settling = SETTLING * slowest_time(machine)
     first = max(1, round(settling / machine.sampling_time))
     with pool_of(threads) as pool:
