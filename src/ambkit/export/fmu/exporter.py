@@ -85,9 +85,10 @@ def export_fmu(
     if kind != "plant":
         require_adequate(filter, machine, scenario, force=force)
     if kind != "plant" and machine.angle is not None and filter.engine.synchronous_states():
+        states = " and ".join(filter.engine.synchronous)
         raise AmbkitError(
-            "an FMU has no input for the sensor of the angle, by which this filter estimates its "
-            f"{' and '.join(filter.engine.synchronous)}: use ambkit export c, or a filter without them"
+            f"an FMU has no input for the sensor of the angle, by which this filter estimates "
+            f"{states}: use ambkit export c, or a filter without them"
         )
     what = scenario or Scenario()
     if kind in ("closed-loop", "controller"):
