@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 
@@ -34,17 +33,12 @@ def delayed(u: Array, samples: float) -> Array:
     part = samples - integer_part
     if integer_part == 0 and part == 0:
         return u
-    now = _shifted(u, integer_part)
+    last = u.size - 1
+    now = u[np.clip(np.arange(u.size) - integer_part, 0, last)]
     if part == 0:  # a missing neighbour has no effect
         return now
-    return np.asarray((1 - part) * now + part * _shifted(u, integer_part + 1))
-
-
-def _shifted(u: Array, by: int) -> Array:
-    """Return a signal later by some samples; its ends are held."""
-    if by <= 0:
-        return np.concatenate([u[-by:], np.full(-by, u[-1])])
-    return np.concatenate([np.full(by, u[0]), u[:-by]])
+    before = u[np.clip(np.arange(u.size) - integer_part - 1, 0, last)]
+    return np.asarray((1 - part) * now + part * before)
 
 
 def lagged(u: Array, T: float, lag: float) -> Array:
@@ -59,34 +53,6 @@ def lagged(u: Array, T: float, lag: float) -> Array:
     # State at the start of each sample: w[k] = keep w[k-1] + (1 - keep) u[k-1], w[0] = u[0].
     follow, _ = lfilter([0.0, 1 - keep], [1.0, -keep], good, zi=[good[0]])
     return np.asarray(good + (follow - good) * (lag / T) * (1 - keep))
-
-
-def change_seen(u: Array, samples: int, substeps: int, keep: float) -> Array:
-    """Return the change of a delayed held signal (n,) behind a sensor's lag, once per sample."""
-    signal = _Signal(u)  # a search changes other parameters most of the time
-    seen = _change_seen.__wrapped__ if u.flags.writeable else _change_seen
-    return seen(signal, samples, substeps, keep)
-
-
-class _Signal:
-    """A signal by which results are cached: equal to itself only."""
-
-    def __init__(self, values: Array) -> None:
-        self.values = values
-
-    def __hash__(self) -> int:
-        return id(self.values)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Signal) and self.values is other.values
-
-
-@lru_cache(maxsize=4)
-def _change_seen(u: _Signal, samples: int, substeps: int, keep: float) -> Array:
-    from scipy.signal import lfilter
-
-    last = delayed(np.repeat(u.values, substeps), samples)[::substeps]
-    return np.asarray(lfilter([1 - keep], [1.0, -keep], last - last[0]))
 
 
 FAR = 9.0

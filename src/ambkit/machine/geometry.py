@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -157,14 +156,8 @@ def matrix(lines: list[Line], positions: tuple[str, ...]) -> Array:
 def rigid_motion(rows: Array, rigid: int) -> Array:
     """Return the coordinates (q, k) of a rigid rotor that fit displacements (k,) by rows (k, q)."""
     result = np.zeros(rows.shape[::-1])
-    result[:rigid] = _pseudoinverse(rows[:, :rigid].tobytes(), rigid)
+    result[:rigid] = np.linalg.pinv(rows[:, :rigid])
     return result
-
-
-@lru_cache(maxsize=64)
-def _pseudoinverse(rows: bytes, width: int) -> Array:
-    """Return that of a matrix; filters of one machine with other parameters have the same."""
-    return np.asarray(np.linalg.pinv(np.frombuffer(rows).reshape(-1, width)))
 
 
 def masses(
@@ -193,14 +186,7 @@ def supporting_forces(rotor: Body, axes: tuple[Axis, ...], gravity: float) -> Ar
     positions = positions_of(axes)
     weight = weight_of(rotor, positions, gravity)
     H = matrix([axis.line for axis in axes], positions)
-    return _balance(H.tobytes(), weight.tobytes()).copy()
-
-
-@lru_cache(maxsize=64)
-def _balance(H: bytes, weight: bytes) -> Array:
-    load = np.frombuffer(weight)
-    columns = np.frombuffer(H).reshape(-1, load.size).T
-    return np.asarray(np.linalg.lstsq(columns, -load, rcond=None)[0])
+    return np.asarray(np.linalg.lstsq(H.T, -weight, rcond=None)[0])
 
 
 def weight_of(rotor: Body, positions: tuple[str, ...], gravity: float) -> Array:

@@ -18,7 +18,7 @@ from ambkit.estimate.estimate import Status
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.identification.dead_time import change_seen, delayed, lag_of, lagged, limited
+from ambkit.identification.dead_time import delayed, lag_of, lagged, limited
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
 from ambkit.machine.accessories import LONGEST_DELAY, SHORTEST_LAG
 from ambkit.machine.machine import Machine
@@ -219,9 +219,13 @@ class LoopModel:
         stepless = self.line or self.memory > 0 or self.current_lag >= SHORTEST_LAG * h
         if stepless or part == 0 or b.magnet.force_map is not None or self.magnet is not None:
             return np.zeros(u.size)
+        from scipy.signal import lfilter
+
         stiffness = ConstantStiffness.of(b).k_i / b.rotor.mass * b.amplifier.gain
+        steps = np.repeat(filled(u), self.substeps)
+        last = delayed(steps, math.floor(self.delay / h) + 1)[:: self.substeps]
         keep = math.exp(-b.sampling_time / b.sensor.lag)
-        seen = change_seen(filled(u), math.floor(self.delay / h) + 1, self.substeps, keep)
+        seen = lfilter([1 - keep], [1.0, -keep], last - last[0])
         return np.asarray(-0.5 * part * (1 - part) * h * h * stiffness * b.sensor.gain * seen)
 
     def run(
