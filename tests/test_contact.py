@@ -442,7 +442,7 @@ def test_in_contact_a_step_takes_at_most_half_as_much_again_as_the_extended_filt
 
 @pytest.mark.long
 @pytest.mark.skipif(bool(harness.missing_tools()), reason="needs the cross compiler and qemu")
-@pytest.mark.parametrize("loops", [True, False])
+@pytest.mark.parametrize("loops", [True, pytest.param(False, marks=pytest.mark.study)])
 def test_in_both_rings_it_takes_no_more_and_compiles_without_a_warning(loops, tmp_path):
     machine, median, N = preset("hindawi_2011", **FRICTION), {}, 300
     record, noise = walks(machine, 7, 3000 * machine.sampling_time, 1000 * machine.sampling_time)
