@@ -209,7 +209,7 @@ def test_margins_are_those_of_python_control(name):
 class Analytic:
     """An open loop of a formula."""
 
-    measurements, shown = 1, None
+    measurements, measured = 1, None
 
     def __init__(self, L):
         self.L = L
