@@ -587,6 +587,12 @@ def test_a_filter_that_needs_the_angle_is_refused(kind, tmp_path):
     assert os.listdir(tmp_path) == []
 
 
+def test_a_controller_without_its_filter_needs_no_angle(tmp_path):
+    rig = RIG.replace(angle={"type": "pulses"})
+    ambkit.export_fmu(rig, "linear+unbalance", out=tmp_path / "a.fmu", kind="controller")
+    assert validate_fmu(str(tmp_path / "a.fmu")) == []
+
+
 # ---- The file ----
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from ambkit.data.files.log import FIRST, Log
 from ambkit.data.reading.ambiguity import ambiguities
 from ambkit.data.reading.candidates import Candidate
 from ambkit.data.reading.channel_statistics import correlation, seen, slow
-from ambkit.data.reading.choice import ProposedMap, choose, from_others
+from ambkit.data.reading.choice import ProposedMap
 from ambkit.data.reading.clock import examine, stated_step
 from ambkit.data.reading.derived_channels import is_filtered
 from ambkit.data.reading.faults import noise
@@ -41,27 +41,30 @@ SLOW = 0.1  #: Pole times sampling time from which on a log is too slow for iden
 
 
 def toml_lines(
-    name: str, log: Log, assignment: ProposedMap, others: Sequence[ProposedMap]
-) -> Iterator[str]:
+    name: str, log: Log, assignment: ProposedMap, chosen: Mapping[str, Candidate],
+    others: Sequence[ProposedMap],
+) -> Iterator[str]:  # fmt: skip
     """Write the map."""
     yield f"# Proposed by 'ambkit read guess' for {name}. Review each line."
     yield "# Of each number in the log: value = sign * scale * number * unit + offset."
     for remark in log.remarks:
         yield f"# {remark[:1].upper()}{remark[1:]}."
-    yield from _Map(log, assignment, others).lines()
+    yield from _Map(log, assignment, chosen, others).lines()
 
 
 class _Map:
     """A map while it is written."""
 
-    def __init__(self, log: Log, assignment: ProposedMap, others: Sequence[ProposedMap]) -> None:
-        self.log, self.others = log, others
+    def __init__(
+        self, log: Log, assignment: ProposedMap, chosen: Mapping[str, Candidate],
+        others: Sequence[ProposedMap],
+    ) -> None:  # fmt: skip
+        self.log, self.chosen, self.others = log, chosen, others
         self.channels, self.moves = assignment.channels, assignment.moves
-        self.chosen = choose(self.channels, self.moves) | from_others(self.channels, others)
         self.everything = [*self.channels, *(c for group in others for c in group.channels)]
         arrays = {c.where.get("array") if len(c.where) > 1 else None for c in self.chosen.values()}
         self.array = str(arrays.pop() or "") if len(arrays) == 1 else ""
-        self.y, self.u, self.t = (self.chosen.get(role) for role in "yut")
+        self.y, self.u, self.t = chosen["y"], chosen.get("u"), chosen.get("t")
         self.of_rotor = (  # whether y and u are the channels that move as a rotor does
             self.moves is not None
             and self.y is self.channels[self.moves.position]
@@ -91,7 +94,7 @@ class _Map:
         if self.u is None:
             yield "# Nothing looks like a control signal; a filter needs u."
         yield from self._rest()
-        if self.weight is not None and self.y is not None and self.u is not None:
+        if self.weight is not None and self.u is not None:
             yield ""
             yield "# A first machine file, by gravity, for a rotor below one magnet:"
             most = float(abs(seen(self.u.values)).max()) * (self._amperes(self.u) or 1.0)
@@ -129,7 +132,7 @@ class _Map:
     def _inverted(self) -> tuple[bool, bool, str]:
         """Return whether y and u count the other way, and why: u is to push towards positive y."""
         y, u = self.y, self.u
-        if y is None or u is None or y.values.shape != u.values.shape:
+        if u is None or y.values.shape != u.values.shape:
             return False, False, ""
         falls = not u.unit and bool(np.mean(seen(u.values) < 0) > 0.99)  # a coil's is not below 0
         if self.of_rotor and self.moves is not None:
@@ -142,7 +145,7 @@ class _Map:
     def _weight_scale(self) -> WeightScale | None:
         """Say where the magnet is, of a rotor that hangs below one of current never below 0."""
         y, u = self.y, self.u
-        if self.moves is None or not self.of_rotor or y is None or u is None or self.t is None:
+        if self.moves is None or not self.of_rotor or u is None or self.t is None:
             return None
         control = (-1 if self.u_inverted else 1) * interpolated(u.values)
         position, amperes = interpolated(y.values), self._amperes(u)
@@ -199,18 +202,18 @@ class _Map:
         same, current = candidate, self.chosen.get("current")
         if role == "u" and current is not None and in_one_unit(candidate, current):
             same = current
-        elif role in ("r", "x_logged") and self.y is not None:
+        elif role in ("r", "x_logged"):
             same = self.y
         if same is self.y and self.weight is not None:
             return self.weight.unit, same.scale, "  # by the weight of the rotor"
         if role == "v_logged" and (unit := self._unit_of_velocity(candidate)):
-            return unit, same.scale, f"  # as {self.y.label if self.y else 'y'} changes"
+            return unit, same.scale, f"  # as {self.y.label} changes"
         return same.unit or _likely_unit(same), same.scale, "  # guessed from its size"
 
     def _unit_of_velocity(self, v: Candidate) -> str:
         """Return the unit that makes a velocity the rate of y; empty where nothing tells."""
         y, step = self.y, self._step()
-        if y is None or y.values.shape != v.values.shape or not step > 0:
+        if y.values.shape != v.values.shape or not step > 0:
             return ""
         unit, n, _ = self._unit("y", y)
         if si_unit(unit) != "m":

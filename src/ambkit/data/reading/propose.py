@@ -39,7 +39,8 @@ def guess(path: str | os.PathLike[str], progress: Callable[[str], object] = lamb
     if damage and not any(c.role == "t" for c in best.channels):
         raise damage
     others = [assignment for assignment in assignments if assignment is not best]
-    if "y" not in choose(best.channels, best.moves) | from_others(best.channels, others):
+    chosen = choose(best.channels, best.moves) | from_others(best.channels, others)
+    if "y" not in chosen:
         unread = [remark for remark in log.remarks if "are not read" in remark]
         raise RecordError(_refusal(os.fspath(path), best.channels, unread))
     if (rises := _only_rises(best)) is not None:
@@ -49,7 +50,7 @@ def guess(path: str | os.PathLike[str], progress: Callable[[str], object] = lamb
             f"{rises.unit or 'of its units'} in {rises.values.size} samples, one after the other: "
             "it holds no log of a rotor, but perhaps the calibration of a sensor, or a force map"
         )
-    return "\n".join(map(one_line, toml_lines(Path(path).name, log, best, others))) + "\n"
+    return "\n".join(map(one_line, toml_lines(Path(path).name, log, best, chosen, others))) + "\n"
 
 
 def _only_rises(best: ProposedMap) -> Candidate | None:

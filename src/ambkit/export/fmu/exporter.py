@@ -84,16 +84,16 @@ def export_fmu(
         )
     if kind != "plant":
         require_adequate(filter, machine, scenario, force=force)
-    if kind != "plant" and machine.angle is not None and filter.engine.synchronous_states():
+    what = scenario or Scenario()
+    if kind in ("closed-loop", "controller"):
+        what = settled_scenario(machine, what)
+    parts = _parts(kind, machine, filter, what)
+    if parts.filter is not None and machine.angle is not None and filter.engine.synchronous:
         states = " and ".join(filter.engine.synchronous)
         raise AmbkitError(
             f"an FMU has no input for the sensor of the angle, by which this filter estimates "
             f"{states}: use ambkit export c, or a filter without them"
         )
-    what = scenario or Scenario()
-    if kind in ("closed-loop", "controller"):
-        what = settled_scenario(machine, what)
-    parts = _parts(kind, machine, filter, what)
     made = _content(machine, kind, fmi, parts, token="")
     token = _token(made.files)
     made = _content(machine, kind, fmi, parts, token)
